@@ -1,0 +1,144 @@
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/unique_ptr.h>
+
+#include "../batch_sim.hpp"
+#include "arrays.hpp"
+#include "footprint.hpp"
+
+using namespace adrl;
+
+namespace {
+
+using Flat8 = In<std::uint8_t, nb::shape<-1>>;
+
+std::shared_ptr<Task> make_task(std::shared_ptr<World> world, std::tuple<double, double, double> start,
+                                std::tuple<double, double> goal, double tolerance, const In<double, Rows2> &path) {
+    if (path.shape(0) < 1) throw nb::value_error("a path has at least one point");
+    return std::make_shared<Task>(Task{std::move(world),
+                                       {std::get<0>(start), std::get<1>(start), std::get<2>(start)},
+                                       {std::get<0>(goal), std::get<1>(goal)},
+                                       tolerance,
+                                       Path(view(path))});
+}
+
+Robot make_robot(double radius, const In<double, Rows2> &corners, std::tuple<double, double, double> speed_limits,
+                 int num_beams, double angle_min, double increment, std::tuple<double, double, double> mount,
+                 double max_range, double dt_s) {
+    DriveLimits limits;
+    limits.max_speed = std::get<0>(speed_limits);
+    limits.min_speed = std::get<1>(speed_limits);
+    limits.max_yaw_rate = std::get<2>(speed_limits);
+    return {make_footprint(radius, corners),
+            limits,
+            Beams(num_beams, angle_min, increment),
+            {std::get<0>(mount), std::get<1>(mount), std::get<2>(mount)},
+            max_range,
+            dt_s};
+}
+
+template <class Array> auto *checked(Array &array, std::initializer_list<std::size_t> shape, const char *name) {
+    bool same = array.ndim() == shape.size();
+    std::size_t axis = 0;
+    for (const std::size_t n : shape) same = same && array.shape(axis++) == n;
+    if (!same) throw nb::value_error(name);
+    return array.data();
+}
+
+// The simulator with references to the caller's arrays, which must outlive it.
+struct BoundSim {
+    BatchSim sim;
+    nb::object keep_alive;
+};
+
+std::unique_ptr<BoundSim> make_sim(int num_envs, int num_threads, Robot robot, SimConfig config, nb::dict buffers) {
+    const auto n = static_cast<std::size_t>(num_envs);
+    const auto beams = static_cast<std::size_t>(robot.beams.count());
+    const auto f64 = [&](const char *name, std::initializer_list<std::size_t> shape) {
+        auto array = nb::cast<Out<double>>(buffers[name], false);
+        return checked(array, shape, name);
+    };
+    const auto u8 = [&](const char *name) {
+        auto array = nb::cast<Out<std::uint8_t>>(buffers[name], false);
+        return checked(array, {n}, name);
+    };
+    auto ranges = nb::cast<Out<float>>(buffers["ranges"], false);
+    auto seed = nb::cast<Out<std::uint64_t>>(buffers["seed"], false);
+    const SimBuffers b{f64("command", {n, 2}),
+                       u8("active"),
+                       checked(seed, {n}, "seed"),
+                       f64("params", {n, kNumParams}),
+                       checked(ranges, {n, beams}, "ranges"),
+                       f64("pose", {n, 3}),
+                       f64("odometry", {n, 3}),
+                       f64("twist", {n, 2}),
+                       f64("clearance", {n}),
+                       f64("least_clearance", {n}),
+                       f64("waypoint", {n, 2}),
+                       f64("route_left", {n}),
+                       f64("time", {n}),
+                       f64("travelled", {n}),
+                       u8("reached"),
+                       u8("collided"),
+                       f64("memory", {n, kMemory})};
+    return std::unique_ptr<BoundSim>(
+        new BoundSim{BatchSim(num_envs, num_threads, std::move(robot), config, b), nb::object(buffers)});
+}
+
+void set_task(BoundSim &self, int i, std::shared_ptr<Task> task) {
+    if (i < 0 || i >= self.sim.num_envs()) throw nb::index_error("no such robot");
+    self.sim.set_task(i, std::move(task));
+}
+
+void reset(BoundSim &self, const Flat8 &mask) {
+    if (mask.shape(0) != static_cast<std::size_t>(self.sim.num_envs())) throw nb::value_error("mask");
+    const nb::gil_scoped_release release;
+    self.sim.reset(mask.data());
+}
+
+void step(BoundSim &self) {
+    const nb::gil_scoped_release release;
+    self.sim.step();
+}
+
+void plan(BoundSim &self, Out<double, Rows2> out) {
+    if (out.shape(0) != static_cast<std::size_t>(self.sim.num_envs())) throw nb::value_error("out");
+    const nb::gil_scoped_release release;
+    self.sim.plan(out.data());
+}
+
+} // namespace
+
+void bind_batch_sim(nb::module_ &m) {
+    nb::class_<Task>(m, "Task").def(nb::new_(&make_task), nb::arg("world"), nb::arg("start"), nb::arg("goal"),
+                                    nb::arg("goal_tolerance_m"), nb::arg("path").noconvert());
+    nb::class_<Robot>(m, "Robot").def(nb::new_(&make_robot), nb::arg("radius_m"), nb::arg("footprint").noconvert(),
+                                      nb::arg("speed_limits"), nb::arg("num_beams"), nb::arg("angle_min_rad"),
+                                      nb::arg("angle_increment_rad"), nb::arg("mount"), nb::arg("max_range_m"),
+                                      nb::arg("dt_s"));
+    nb::class_<DwaConfig>(m, "DwaConfig")
+        .def(nb::init<>())
+        .def_rw("horizon_s", &DwaConfig::horizon_s)
+        .def_rw("margin_m", &DwaConfig::margin_m)
+        .def_rw("comfort_m", &DwaConfig::comfort_m)
+        .def_rw("comfort_weight", &DwaConfig::comfort_weight)
+        .def_rw("heading_weight", &DwaConfig::heading_weight)
+        .def_rw("hit_weight", &DwaConfig::hit_weight);
+    nb::class_<SimConfig>(m, "SimConfig")
+        .def(nb::init<>())
+        .def_rw("clearance_limit_m", &SimConfig::clearance_limit)
+        .def_rw("lookahead_m", &SimConfig::lookahead)
+        .def_rw("dwa_lookahead_m", &SimConfig::dwa_lookahead)
+        .def_rw("dwa", &SimConfig::dwa);
+    nb::class_<BoundSim>(m, "BatchSim")
+        .def(nb::new_(&make_sim), nb::arg("num_envs"), nb::arg("num_threads"), nb::arg("robot"), nb::arg("config"),
+             nb::arg("buffers"))
+        .def_prop_ro("num_threads", [](const BoundSim &self) { return self.sim.num_threads(); })
+        .def("set_task", &set_task, nb::arg("index"), nb::arg("task"))
+        .def("reset", &reset, nb::arg("mask").noconvert())
+        .def("step", &step)
+        .def("plan", &plan, nb::arg("out").noconvert());
+    m.attr("NUM_PARAMS") = static_cast<int>(kNumParams);
+    m.attr("MEMORY_SIZE") = kMemory;
+    m.attr("MAX_LATENCY_PERIODS") = kHistory - 1;
+}

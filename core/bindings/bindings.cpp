@@ -1,0 +1,149 @@
+// Python's view of the core. Checks shapes and dtypes, releases the GIL and calls; no logic.
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/shared_ptr.h>
+#include <nanobind/stl/tuple.h>
+
+#include <tuple>
+
+#include "../astar.hpp"
+#include "../distance_field.hpp"
+#include "../grid.hpp"
+#include "../kinematics.hpp"
+#include "../raycast.hpp"
+#include "../world.hpp"
+#include "arrays.hpp"
+#include "footprint.hpp"
+
+using namespace adrl;
+
+namespace {
+
+using Bitmap8 = In<std::uint8_t, nb::shape<-1, -1>>;
+
+Pose pose_at(const In<double, Rows3> &poses, std::size_t i) { return {poses(i, 0), poses(i, 1), poses(i, 2)}; }
+
+Returned<float> raycast_many(const World &world, const In<double, Rows3> &poses,
+                             const In<double, nb::shape<-1>> &angles, double max_range, double time_s) {
+    const Beams beams(std::vector<double>(angles.data(), angles.data() + angles.size()));
+    float *out = nullptr;
+    auto result = new_array<float>({poses.shape(0), angles.size()}, out);
+    const nb::gil_scoped_release release;
+    const DiscPlaces discs(world, time_s);
+    std::vector<double> ranges(beams.padded());
+    for (std::size_t i = 0; i < poses.shape(0); ++i) {
+        raycast(world, discs, pose_at(poses, i), beams, max_range, ranges.data());
+        std::copy(ranges.begin(), ranges.begin() + beams.count(), out + i * angles.size());
+    }
+    return result;
+}
+
+Returned<double> clearance_many(const World &world, const In<double, Rows3> &poses, double radius,
+                                const In<double, Rows2> &corners, double limit, double time_s) {
+    const Footprint footprint = make_footprint(radius, corners);
+    double *out = nullptr;
+    auto result = new_array<double>({poses.shape(0)}, out);
+    const nb::gil_scoped_release release;
+    const DiscPlaces discs(world, time_s);
+    for (std::size_t i = 0; i < poses.shape(0); ++i) {
+        out[i] = clearance(world, discs, footprint, pose_at(poses, i), limit);
+    }
+    return result;
+}
+
+Returned<float> clearance_field_of(const World &world, double origin_x, double origin_y, int width, int height,
+                                   double resolution, double limit) {
+    float *out = nullptr;
+    auto result = new_array<float>({static_cast<std::size_t>(height), static_cast<std::size_t>(width)}, out);
+    const nb::gil_scoped_release release;
+    clearance_field(world, {origin_x, origin_y, width, height, resolution}, limit, out);
+    return result;
+}
+
+Returned<float> distance_field_of(const Bitmap8 &solid, double resolution) {
+    float *out = nullptr;
+    auto result = new_array<float>({solid.shape(0), solid.shape(1)}, out);
+    const nb::gil_scoped_release release;
+    distance_field(solid.data(), static_cast<int>(solid.shape(0)), static_cast<int>(solid.shape(1)), out);
+    for (std::size_t i = 0; i < solid.size(); ++i) out[i] *= static_cast<float>(resolution);
+    return result;
+}
+
+nb::tuple astar_on(const Bitmap8 &blocked, std::pair<int, int> start, std::pair<int, int> goal) {
+    GridPath path;
+    {
+        const nb::gil_scoped_release release;
+        path = astar(blocked.data(), static_cast<int>(blocked.shape(0)), static_cast<int>(blocked.shape(1)),
+                     {start.first, start.second}, {goal.first, goal.second});
+    }
+    std::int32_t *out = nullptr;
+    auto cells = new_array<std::int32_t>({path.cells.size(), 2}, out);
+    for (const Cell &c : path.cells) {
+        *out++ = c.row;
+        *out++ = c.column;
+    }
+    return nb::make_tuple(cells, path.length);
+}
+
+Returned<double> shorten_path_on(const Bitmap8 &blocked, const In<std::int32_t, Rows2> &cells) {
+    std::vector<Cell> path;
+    for (std::size_t i = 0; i < cells.shape(0); ++i) path.push_back({cells(i, 0), cells(i, 1)});
+    std::vector<GridPoint> corners;
+    {
+        const nb::gil_scoped_release release;
+        corners = shorten_path(blocked.data(), static_cast<int>(blocked.shape(0)), static_cast<int>(blocked.shape(1)),
+                               path);
+    }
+    double *out = nullptr;
+    auto result = new_array<double>({corners.size(), 2}, out);
+    for (const GridPoint &p : corners) {
+        *out++ = p.row;
+        *out++ = p.column;
+    }
+    return result;
+}
+
+Returned<double> integrate_many(const In<double, Rows3> &poses, const In<double, Rows2> &twists, double dt_s) {
+    if (poses.shape(0) != twists.shape(0)) throw nb::value_error("poses and twists differ in length");
+    double *out = nullptr;
+    auto result = new_array<double>({poses.shape(0), 3}, out);
+    for (std::size_t i = 0; i < poses.shape(0); ++i) {
+        const Pose pose = integrate(pose_at(poses, i), {twists(i, 0), twists(i, 1)}, dt_s);
+        *out++ = pose.x;
+        *out++ = pose.y;
+        *out++ = pose.theta;
+    }
+    return result;
+}
+
+std::shared_ptr<World> make_world(const In<double, Rows3> &circles, const In<double, Rows2> &corners,
+                                  const In<std::int32_t, nb::shape<-1>> &offsets, const In<double, Rows4> &segments,
+                                  const In<double, Rows8> &discs, const Bitmap8 &solid, double resolution,
+                                  std::tuple<double, double, double> origin) {
+    return std::make_shared<World>(view(circles), view(corners), view(offsets), view(segments), view(discs),
+                                   solid.data(), static_cast<int>(solid.shape(0)), static_cast<int>(solid.shape(1)),
+                                   resolution, Pose{std::get<0>(origin), std::get<1>(origin), std::get<2>(origin)});
+}
+
+} // namespace
+
+void bind_batch_sim(nb::module_ &m);
+
+NB_MODULE(_core, m) {
+    m.doc() = "Kernels of ADRL: ray casting, kinematics, collision, planning and the batch simulator.";
+    nb::class_<World>(m, "World").def(
+        nb::new_(&make_world), nb::arg("circles").noconvert(), nb::arg("polygon_corners").noconvert(),
+        nb::arg("polygon_offsets").noconvert(), nb::arg("segments").noconvert(), nb::arg("discs").noconvert(),
+        nb::arg("solid").noconvert(), nb::arg("resolution_m"), nb::arg("origin"));
+    m.def("raycast", &raycast_many, nb::arg("world"), nb::arg("poses").noconvert(), nb::arg("angles_rad").noconvert(),
+          nb::arg("max_range_m"), nb::arg("time_s") = 0.0);
+    m.def("clearance", &clearance_many, nb::arg("world"), nb::arg("poses").noconvert(), nb::arg("radius_m"),
+          nb::arg("footprint").noconvert(), nb::arg("limit_m"), nb::arg("time_s") = 0.0);
+    m.def("clearance_field", &clearance_field_of, nb::arg("world"), nb::arg("origin_x_m"), nb::arg("origin_y_m"),
+          nb::arg("width"), nb::arg("height"), nb::arg("resolution_m"), nb::arg("limit_m"));
+    m.def("distance_field", &distance_field_of, nb::arg("solid").noconvert(), nb::arg("resolution_m"));
+    m.def("astar", &astar_on, nb::arg("blocked").noconvert(), nb::arg("start"), nb::arg("goal"));
+    m.def("shorten_path", &shorten_path_on, nb::arg("blocked").noconvert(), nb::arg("cells").noconvert());
+    m.def("integrate", &integrate_many, nb::arg("poses").noconvert(), nb::arg("twists").noconvert(), nb::arg("dt_s"));
+    bind_batch_sim(m);
+}

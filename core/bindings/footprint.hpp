@@ -1,0 +1,16 @@
+// A footprint from what Python gives: a radius, and corners when it is a polygon.
+#pragma once
+
+#include "../collision.hpp"
+#include "arrays.hpp"
+
+inline adrl::Footprint make_footprint(double radius, const In<double, Rows2> &corners) {
+    adrl::Footprint footprint{radius, {}};
+    if (corners.shape(0) > adrl::kMaxCorners) throw nb::value_error("a footprint has at most 16 corners");
+    for (std::size_t i = 0; i < corners.shape(0); ++i) footprint.corners.push_back({corners(i, 0), corners(i, 1)});
+    if (!footprint.is_disc()) {
+        footprint.radius = 0.0;
+        for (const adrl::Vec2 &c : footprint.corners) footprint.radius = std::max(footprint.radius, norm(c));
+    }
+    return footprint;
+}

@@ -1,0 +1,64 @@
+// Points, poses and angles shared by every room.
+#pragma once
+
+#include <cmath>
+#include <numbers>
+
+#include "clones.hpp"
+
+namespace adrl {
+
+struct Vec2 {
+    double x = 0.0;
+    double y = 0.0;
+};
+
+ADRL_INLINE Vec2 operator+(Vec2 a, Vec2 b) { return {a.x + b.x, a.y + b.y}; }
+ADRL_INLINE Vec2 operator-(Vec2 a, Vec2 b) { return {a.x - b.x, a.y - b.y}; }
+ADRL_INLINE Vec2 operator*(double s, Vec2 a) { return {s * a.x, s * a.y}; }
+ADRL_INLINE double dot(Vec2 a, Vec2 b) { return a.x * b.x + a.y * b.y; }
+ADRL_INLINE double cross(Vec2 a, Vec2 b) { return a.x * b.y - a.y * b.x; }
+ADRL_INLINE double norm(Vec2 a) { return std::sqrt(dot(a, a)); }
+
+// Position and heading in the world, metres and radians.
+struct Pose {
+    double x = 0.0;
+    double y = 0.0;
+    double theta = 0.0;
+};
+
+// Forward speed and yaw rate of a differential drive, m/s and rad/s.
+struct Twist {
+    double v = 0.0;
+    double w = 0.0;
+};
+
+// The same angle in (-pi, pi].
+inline double wrap_angle(double angle) {
+    const double wrapped = std::remainder(angle, 2.0 * std::numbers::pi);
+    return wrapped <= -std::numbers::pi ? std::numbers::pi : wrapped;
+}
+
+// A point given in the frame of `pose`, in the world.
+inline Vec2 to_world(const Pose &pose, Vec2 local) {
+    const double c = std::cos(pose.theta);
+    const double s = std::sin(pose.theta);
+    return {pose.x + c * local.x - s * local.y, pose.y + s * local.x + c * local.y};
+}
+
+// Pose `local`, given in the frame of `pose`, in the world.
+inline Pose compose(const Pose &pose, const Pose &local) {
+    const Vec2 p = to_world(pose, {local.x, local.y});
+    return {p.x, p.y, pose.theta + local.theta};
+}
+
+// Distance from the origin to the segment a-b.
+ADRL_INLINE double origin_to_segment(Vec2 a, Vec2 b) {
+    const Vec2 e = b - a;
+    const double length2 = dot(e, e);
+    double u = length2 > 0.0 ? -dot(a, e) / length2 : 0.0;
+    u = u < 0.0 ? 0.0 : (u > 1.0 ? 1.0 : u);
+    return norm(a + u * e);
+}
+
+} // namespace adrl

@@ -1,0 +1,41 @@
+// A fixed set of threads that share out ranges of work.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <thread>
+#include <vector>
+
+namespace adrl {
+
+class ThreadPool {
+  public:
+    // num_threads counts the caller; 0 takes one per core this process may use.
+    explicit ThreadPool(int num_threads);
+    ~ThreadPool();
+    ThreadPool(const ThreadPool &) = delete;
+    ThreadPool &operator=(const ThreadPool &) = delete;
+
+    int size() const { return static_cast<int>(workers_.size()) + 1; }
+    // Calls work(first, last) on disjoint ranges that cover [0, count), and returns when all are done.
+    void run(int count, const std::function<void(int, int)> &work);
+
+  private:
+    void serve(std::stop_token stop);
+    bool take();
+
+    std::vector<std::jthread> workers_;
+    std::mutex mutex_;
+    std::condition_variable_any wake_;
+    const std::function<void(int, int)> *work_ = nullptr;
+    int count_ = 0;
+    int chunk_ = 1;
+    std::atomic<int> next_{0};
+    std::atomic<int> pending_{0};
+    std::uint64_t round_ = 0;
+};
+
+} // namespace adrl

@@ -1,0 +1,118 @@
+"""The C++ core. Arrays must be C-contiguous and of the dtype given: the bindings check and never convert."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+F64 = NDArray[np.float64]
+F32 = NDArray[np.float32]
+U8 = NDArray[np.uint8]
+I32 = NDArray[np.int32]
+
+class World:
+    def __init__(
+        self,
+        circles: F64,
+        polygon_corners: F64,
+        polygon_offsets: I32,
+        segments: F64,
+        discs: F64,
+        solid: U8,
+        resolution_m: float,
+        origin: tuple[float, float, float],
+    ) -> None: ...
+
+def raycast(world: World, poses: F64, angles_rad: F64, max_range_m: float, time_s: float = 0.0) -> F32:
+    """(N, 3) sensor poses, (K,) angles -> (N, K) ranges. 0 inside an obstacle, max_range_m when nothing is hit."""
+
+def clearance(world: World, poses: F64, radius_m: float, footprint: F64, limit_m: float, time_s: float = 0.0) -> F64:
+    """(N, 3) robot poses -> (N,) distance from the footprint's edge to the nearest obstacle, at most limit_m;
+    0 or less when they overlap. footprint (V, 2) convex polygon, or (0, 2) for the disc of radius_m."""
+
+def clearance_field(
+    world: World, origin_x_m: float, origin_y_m: float, width: int, height: int, resolution_m: float, limit_m: float
+) -> F32:
+    """(height, width) distance from each cell's centre to the nearest static obstacle, at most limit_m."""
+
+def distance_field(solid: U8, resolution_m: float) -> F32:
+    """(H, W) Euclidean distance from each cell's centre to the centre of the nearest solid cell; 0 in solid cells,
+    infinity when there is none."""
+
+def astar(blocked: U8, start: tuple[int, int], goal: tuple[int, int]) -> tuple[I32, float]:
+    """(H, W) blocked cells, start and goal (row, column) -> ((P, 2) cells, octile length in cells). Diagonal moves
+    need both neighbours free. An empty path and infinity when there is none."""
+
+def shorten_path(blocked: U8, cells: I32) -> F64:
+    """(P, 2) cells -> (Q, 2) corner cells (row, column) joined by straight lines that cross no blocked cell."""
+
+def integrate(poses: F64, twists: F64, dt_s: float) -> F64:
+    """Exact arcs: (N, 3) poses, (N, 2) twists -> (N, 3) poses."""
+
+NUM_PARAMS: int
+"""Columns of BatchSim's params: speed gain, yaw gain, acceleration, yaw acceleration, lag_s, latency_s, range noise,
+dropout probability, relative odometry error of speed and of yaw rate."""
+MEMORY_SIZE: int
+MAX_LATENCY_PERIODS: int
+
+class Task:
+    """A world with a start, a goal and a path (P, 2) between them."""
+    def __init__(
+        self,
+        world: World,
+        start: tuple[float, float, float],
+        goal: tuple[float, float],
+        goal_tolerance_m: float,
+        path: F64,
+    ) -> None: ...
+
+class Robot:
+    """What all robots of a BatchSim share. footprint (V, 2) convex polygon, or (0, 2) for a disc;
+    speed_limits: greatest speed, least speed, greatest yaw rate; mount: the LiDAR's pose on the robot."""
+    def __init__(
+        self,
+        radius_m: float,
+        footprint: F64,
+        speed_limits: tuple[float, float, float],
+        num_beams: int,
+        angle_min_rad: float,
+        angle_increment_rad: float,
+        mount: tuple[float, float, float],
+        max_range_m: float,
+        dt_s: float,
+    ) -> None: ...
+
+class DwaConfig:
+    """Horizon and weights of the dynamic window approach; see dwa.hpp for their meaning."""
+    horizon_s: float
+    margin_m: float
+    comfort_m: float
+    comfort_weight: float
+    heading_weight: float
+    hit_weight: float
+
+class SimConfig:
+    clearance_limit_m: float
+    """Clearances are reported up to this."""
+    lookahead_m: float
+    """Of the waypoint along the path; 0 leaves the waypoint at the goal."""
+    dwa_lookahead_m: float
+    dwa: DwaConfig
+
+class BatchSim:
+    """N robots stepped at once. buffers: arrays owned by the caller, row i for robot i: command (N, 2), active (N) u8,
+    seed (N) u64, params (N, NUM_PARAMS), ranges (N, K) f32, pose (N, 3), odometry (N, 3), twist (N, 2), clearance (N),
+    least_clearance (N), waypoint (N, 2), route_left (N), time (N), travelled (N), reached (N) u8, collided (N) u8,
+    memory (N, MEMORY_SIZE). All that changes is in them: copied and put back, they continue to the same bytes."""
+    def __init__(
+        self, num_envs: int, num_threads: int, robot: Robot, config: SimConfig, buffers: dict[str, NDArray[Any]]
+    ) -> None: ...
+    @property
+    def num_threads(self) -> int: ...
+    def set_task(self, index: int, task: Task) -> None: ...
+    def reset(self, mask: U8) -> None:
+        """Put the robots of the mask (N) at their tasks' starts, at rest, and sense."""
+    def step(self) -> None:
+        """Move every active robot by one control period and sense."""
+    def plan(self, out: F64) -> None:
+        """A*+DWA: write a command (v, w) for every active robot into out (N, 2)."""

@@ -1,0 +1,133 @@
+"""Checkpoints: a folder each under checkpoint/, complete from the moment it has its name.
+
+  checkpoint/.new-*         being written; ignored and removed
+  checkpoint/000000012800/  state.json and one .safetensors file a part; the name counts environment steps
+  checkpoint/.old-*         being deleted; ignored and removed
+
+A kill between any two system calls leaves the newest complete folder or the one before it.
+"""
+
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load_file, save_file
+
+from adrl.errors import CheckpointError
+from adrl.files import write_json
+
+Arrays = dict[str, NDArray[Any]]
+
+FOLDER = "checkpoint"
+STATE_FILE = "state.json"
+SCHEMA_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """What save() was given."""
+
+    path: Path
+    state: dict[str, Any]
+    parts: dict[str, Arrays]
+
+    def part(self, name: str) -> Arrays:
+        """One part's arrays. Raises CheckpointError naming the file if it was not saved."""
+        if name not in self.parts:
+            raise CheckpointError(f"{self.path / name}.safetensors: no such file; the checkpoint is incomplete")
+        return self.parts[name]
+
+
+def save(run: Path, env_steps: int, state: Mapping[str, Any], parts: Mapping[str, Arrays]) -> Path:
+    """Write a checkpoint and delete the older ones. Raises OSError; what was there before then still loads."""
+    folder = run / FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    _clear(folder)
+    name = f"{env_steps:012d}"
+    new = folder / f".new-{name}"
+    new.mkdir()
+    for part, arrays in parts.items():
+        path = new / f"{part}.safetensors"
+        save_file({key: np.ascontiguousarray(array) for key, array in arrays.items()}, path)
+        _sync(path)
+    write_json(new / STATE_FILE, {"schema_version": SCHEMA_VERSION, "parts": sorted(parts)} | dict(state))
+    _sync(new)
+    final = folder / name
+    if final.exists():
+        _retire(final)
+    new.rename(final)
+    _sync(folder)
+    for older in _complete(folder):
+        if older != final:
+            _retire(older)
+    _clear(folder)
+    return final
+
+
+def load(run: Path) -> Checkpoint | None:
+    """The newest checkpoint of a run folder, or None if it has none. Raises CheckpointError naming the bad file."""
+    folders = _complete(run / FOLDER)
+    if not folders:
+        return None
+    path = folders[-1]
+    state = _read_state(path / STATE_FILE)
+    return Checkpoint(path, state, {part: _read_arrays(path / f"{part}.safetensors") for part in state["parts"]})
+
+
+def exists(run: Path) -> bool:
+    """Whether a run folder holds a checkpoint to resume from."""
+    return bool(_complete(run / FOLDER))
+
+
+def _read_state(path: Path) -> dict[str, Any]:
+    try:
+        state = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise CheckpointError(f"{path}: no such file; the checkpoint is incomplete, delete its folder") from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise CheckpointError(f"{path}: truncated, or not a JSON file ({error})") from None
+    if not isinstance(state, dict) or state.get("schema_version") != SCHEMA_VERSION:
+        raise CheckpointError(f"{path}: not a checkpoint of this version of ADRL")
+    return state
+
+
+def _read_arrays(path: Path) -> Arrays:
+    try:
+        return load_file(path)
+    except FileNotFoundError:
+        raise CheckpointError(f"{path}: no such file; the checkpoint is incomplete, delete its folder") from None
+    except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
+        raise CheckpointError(f"{path}: truncated, or not a safetensors file ({error})") from None
+
+
+def _complete(folder: Path) -> list[Path]:
+    """Complete checkpoints, oldest first."""
+    if not folder.is_dir():
+        return []
+    return sorted(path for path in folder.iterdir() if path.is_dir() and path.name.isdigit())
+
+
+def _retire(path: Path) -> None:
+    """Take a checkpoint's name away before its files go: a half-deleted one is never mistaken for a whole one."""
+    path.rename(path.with_name(f".old-{path.name}"))
+
+
+def _clear(folder: Path) -> None:
+    for path in folder.iterdir():
+        if path.name.startswith((".new-", ".old-")):
+            shutil.rmtree(path)
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,110 @@
+"""Configuration of the learner. Times count gradient updates or environment steps as named; actions are in [-1, 1]."""
+
+import math
+from dataclasses import dataclass, field
+
+from adrl.errors import ConfigError
+from adrl.imitation.schedule import ScheduleConfig
+from adrl.rewards import RewardConfig
+
+
+def _check(owner: object, low: float, high: float, *names: str) -> None:
+    for name in names:
+        value = getattr(owner, name)
+        if not (math.isfinite(value) and low <= value <= high):
+            top = "or more" if high == math.inf else f"to {high:g}"
+            raise ConfigError(f"{type(owner).__name__}.{name} is {value}; give {low:g} {top}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Td3Config:
+    """Twin delayed deep deterministic policy gradient, with the cloning term of eq 6."""
+
+    widths: tuple[int, ...] = (128, 128)
+    """Hidden units of each layer, of the actor and of each critic."""
+    critic_layer_norm: bool = True
+    """Normalise each hidden layer of the critics: keeps values bounded at actions nobody took."""
+    gamma: float = 0.99
+    """Discount a control period."""
+    n_step: int = 3
+    """Steps of reward before the target bootstraps."""
+    batch_size: int = 256
+    """Rows of a critic update, expert and online together."""
+    bc_batch_size: int = 128
+    """Demonstration rows of the cloning term of an actor update."""
+    actor_learning_rate: float = 1e-3
+    critic_learning_rate: float = 1e-3
+    polyak: float = 0.01
+    """Share of the new weights a target network takes over at each actor update."""
+    policy_delay: int = 2
+    """Critic updates an actor update."""
+    target_noise_std: float = 0.2
+    """Standard deviation of the noise on the target's action."""
+    target_noise_clip: float = 0.5
+    """That noise is clipped to this absolute value."""
+    q_scale_floor: float = 0.1
+    """Least value of the mean |Q| that the cloning term is measured in (eq 6)."""
+    q_filter: bool = False
+    """Clone only where the critic prefers the expert's action to the actor's ("selective", eq 6)."""
+
+    def __post_init__(self) -> None:
+        if not self.widths or min(self.widths) < 1:
+            raise ConfigError(f"Td3Config.widths is {self.widths}; give one or more positive widths")
+        _check(self, 1, math.inf, "n_step", "batch_size", "bc_batch_size", "policy_delay")
+        _check(self, 0.0, 1.0, "gamma", "polyak")
+        _check(self, 0.0, math.inf, "target_noise_std", "target_noise_clip")
+        for name in ("actor_learning_rate", "critic_learning_rate", "q_scale_floor"):
+            _check(self, 1e-12, math.inf, name)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainConfig:
+    """A training run. Give steps or max_seconds: the budget that is spent first ends it."""
+
+    seed: int = 0
+    steps: int | None = None
+    """Environment steps over all rows; a run of so many steps resumes to the same bytes."""
+    max_seconds: float | None = None
+    """Wall clock since the start time handed to train(), which may lie before demonstrations and compilation."""
+    updates_per_iteration: int = 4
+    """Gradient updates for each step of the vector environment; a multiple of policy_delay."""
+    replay_capacity: int = 500_000
+    """Transitions kept; about 0.4 kB each."""
+    start_steps: int = 2048
+    """Environment steps before the first online update."""
+    pretrain_updates: int = 1000
+    """Updates on demonstrations alone before the first environment step; the actor only clones. Skipped without any."""
+    critic_warmup_updates: int = 500
+    """Online updates during which the actor only clones: values of a cold critic would undo what was cloned."""
+    exploration_std: tuple[float, float] = (0.05, 0.4)
+    """Action noise of the first and of the last row of the environment; the rows between are spaced evenly."""
+    default_maturity: float = 0.5
+    """S where there is no probe to measure it: weighs the reward and stays."""
+    log_interval_steps: int = 6400
+    """Environment steps between rows of metrics.jsonl."""
+    eval_interval_steps: int | None = None
+    """Environment steps between calls of the evaluation, or None for none."""
+    checkpoint_interval_steps: int | None = 200_000
+    """Environment steps between checkpoints, or None for one at the end only."""
+    td3: Td3Config = field(default_factory=Td3Config)
+    schedule: ScheduleConfig = field(default_factory=ScheduleConfig)
+    reward: RewardConfig = field(default_factory=RewardConfig)
+
+    def __post_init__(self) -> None:
+        if self.steps is None and self.max_seconds is None:
+            raise ConfigError("TrainConfig: give steps or max_seconds, or the run never ends")
+        for name in ("steps", "max_seconds", "eval_interval_steps", "checkpoint_interval_steps"):
+            if getattr(self, name) is not None:
+                _check(self, 1e-9 if name == "max_seconds" else 1, math.inf, name)
+        _check(self, 0, 2**63 - 1, "seed")
+        _check(self, 0, math.inf, "start_steps", "pretrain_updates", "critic_warmup_updates")
+        _check(self, 1, math.inf, "updates_per_iteration", "replay_capacity", "log_interval_steps")
+        _check(self, 0.0, 1.0, "default_maturity")
+        if self.updates_per_iteration % self.td3.policy_delay:
+            raise ConfigError(
+                f"TrainConfig.updates_per_iteration is {self.updates_per_iteration}; give a multiple of "
+                f"policy_delay = {self.td3.policy_delay}"
+            )
+        low, high = self.exploration_std
+        if not 0.0 <= low <= high <= 2.0:
+            raise ConfigError(f"TrainConfig.exploration_std is {self.exploration_std}; give 0 <= first <= last <= 2")

@@ -1,0 +1,115 @@
+"""The losses of TD3 and the cloning term of eq 6. Pure functions of parameters and a batch."""
+
+from typing import NamedTuple
+
+from adrl.agents import networks
+from adrl.agents.backend import jax, jnp
+from adrl.agents.config import Td3Config
+from adrl.agents.networks import Sizes
+from adrl.rewards import RewardConfig, reward
+
+Array = jax.Array
+
+
+class Batch(NamedTuple):
+    """Rows of the mixed buffer D = (1 - alpha) D1 + alpha D2 (eq 4). n is the number of steps of a target."""
+
+    observation: Array
+    """(B, D) s_t."""
+    action: Array
+    """(B, 2) executed a_t."""
+    terms: Array
+    """(B, n, R) reward terms of the steps t, t+1, ..."""
+    features: Array
+    """(B, n, F) features of the states those steps were taken in."""
+    step_discount: Array
+    """(B, n) gamma^j where step t+j belongs to the episode of step t, else 0."""
+    bootstrap_observation: Array
+    """(B, D) the true successor of the window's last step."""
+    bootstrap_discount: Array
+    """(B,) gamma^k after a window of k steps; 0 if it ended by termination, not if by truncation."""
+    target_noise: Array
+    """(B, 2) standard normal numbers for the target's action."""
+
+
+class ExpertBatch(NamedTuple):
+    """Rows of D2 for the cloning term."""
+
+    observation: Array
+    """(M, D)."""
+    action: Array
+    """(M, 2) the expert's label a_e, not the executed action."""
+
+
+class Weights(NamedTuple):
+    """What the schedule says today: scalars, so that a new value compiles nothing."""
+
+    maturity: Array | float
+    """S(t), which forms the reward (eqs 14-17)."""
+    lambda_bc: Array | float
+    """lambda(t) (eq 5)."""
+    q_weight: Array | float
+    """1, or 0 while the critic warms up and the actor only clones."""
+
+
+class Shape(NamedTuple):
+    """What is fixed when the update is compiled."""
+
+    actor: Sizes
+    critic: Sizes
+    td3: Td3Config
+    reward: RewardConfig
+
+
+def targets(actor: Array, critics: Array, batch: Batch, weights: Weights, shape: Shape) -> Array:
+    """y = sum_j gamma^j r_{t+j} + gamma^k (1 - terminated) min_i Q'_i(s_{t+k}, a'): (B,).
+
+    a' = clip(pi'(s_{t+k}) + clip(noise)). The reward is formed here from the stored terms with today's S (eq 17).
+    actor, critics: parameters of the target networks.
+    """
+    td3 = shape.td3
+    rewards = reward(batch.terms, batch.features, weights.maturity, shape.reward)  # (B, n, R) -> (B, n)
+    noise = jnp.clip(td3.target_noise_std * batch.target_noise, -td3.target_noise_clip, td3.target_noise_clip)
+    successor = batch.bootstrap_observation
+    action = jnp.clip(networks.actor(actor, successor, shape.actor) + noise, -1.0, 1.0)
+    q1, q2 = networks.twin_critics(critics, successor, action, shape.critic, td3.critic_layer_norm)
+    return (rewards * batch.step_discount).sum(axis=-1) + batch.bootstrap_discount * jnp.minimum(q1, q2)
+
+
+def critic_loss(critics: Array, batch: Batch, target: Array, shape: Shape) -> tuple[Array, Array]:
+    """mean (Q_1 - y)^2 + mean (Q_2 - y)^2, and the batch's mean Q_1."""
+    q1, q2 = networks.twin_critics(
+        critics, batch.observation, batch.action, shape.critic, shape.td3.critic_layer_norm
+    )
+    return ((q1 - target) ** 2).mean() + ((q2 - target) ** 2).mean(), q1.mean()
+
+
+def actor_loss(
+    actor: Array, critics: Array, observation: Array, expert: ExpertBatch | None, weights: Weights, shape: Shape
+) -> Array:
+    """-E[Q_1(s, pi(s))] + lambda max(mean |Q_1|, floor) E_D2[|pi(s) - a_e|^2] (eq 6).
+
+    This is eq 6 with Q divided by its mean absolute value, times that value: lambda means the same for any scale of
+    the reward, and lambda = 0 leaves TD3's gradient untouched.
+    """
+    action = networks.actor(actor, observation, shape.actor)
+    q = networks.first_critic(critics, observation, action, shape.critic, shape.td3.critic_layer_norm)
+    climb = -q.mean()
+    if expert is None:
+        return climb
+    q_scale = jax.lax.stop_gradient(jnp.maximum(jnp.abs(q).mean(), shape.td3.q_scale_floor))
+    cloning = cloning_loss(actor, critics, expert, shape)
+    return weights.q_weight * climb + weights.lambda_bc * q_scale * cloning
+
+
+def cloning_loss(actor: Array, critics: Array, expert: ExpertBatch, shape: Shape) -> Array:
+    """E_D2[|pi(s) - a_e|^2], with q_filter over the rows where Q_1 prefers the expert's action."""
+    action = networks.actor(actor, expert.observation, shape.actor)
+    error = ((action - expert.action) ** 2).sum(axis=-1)
+    if not shape.td3.q_filter:
+        return error.mean()
+    sizes, layer_norm = shape.critic, shape.td3.critic_layer_norm
+    of_expert = networks.first_critic(critics, expert.observation, expert.action, sizes, layer_norm)
+    of_actor = networks.first_critic(critics, expert.observation, action, sizes, layer_norm)
+    preferred = jax.lax.stop_gradient(of_expert > of_actor)
+    return (error * preferred).mean()

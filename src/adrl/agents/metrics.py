@@ -1,0 +1,110 @@
+"""What a run reports: rows of metrics.jsonl, the same numbers to TensorBoard, and the episodes since the last row."""
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.errors import CheckpointError
+from adrl.rewards import REWARD_TERMS, RewardConfig, reward, weights
+
+F32 = NDArray[np.float32]
+
+METRICS_FILE = "metrics.jsonl"
+TENSORBOARD_FOLDER = "tb"
+
+
+class MetricsLog:
+    """Appends rows to metrics.jsonl and TensorBoard."""
+
+    def __init__(self, run: Path, length: int = 0, env_steps: int = 0) -> None:
+        """length: bytes of metrics.jsonl to keep; what a killed run wrote after its checkpoint goes.
+
+        env_steps: TensorBoard drops its points from here on. Raises CheckpointError if the file is shorter.
+        """
+        from tensorboardX import SummaryWriter
+
+        self._path = run / METRICS_FILE
+        run.mkdir(parents=True, exist_ok=True)
+        self._file = open(self._path, "ab")
+        found = self._file.tell()
+        if found < length:
+            self._file.close()
+            raise CheckpointError(f"{self._path}: has {found} bytes, the checkpoint was written after {length}")
+        self._file.truncate(length)
+        purge = {"purge_step": env_steps} if length else {}
+        self._board = SummaryWriter(str(run / TENSORBOARD_FOLDER), **purge)
+
+    def write(self, row: Mapping[str, float | int | None]) -> None:
+        """Append a row: numbers, or None where one is undefined. Not-a-number is written as None."""
+        clean = {key: None if value is None or not math.isfinite(value) else value for key, value in row.items()}
+        self._file.write(json.dumps(clean, allow_nan=False).encode() + b"\n")
+        self._file.flush()
+        for key, value in clean.items():
+            if value is not None and key != "env_steps":
+                self._board.add_scalar(key, value, int(row["env_steps"] or 0))
+
+    def position(self) -> int:
+        """Bytes written so far, safe on the disk."""
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        return os.fstat(self._file.fileno()).st_size
+
+    def close(self) -> None:
+        """Close both files."""
+        self._file.close()
+        self._board.close()
+
+
+@dataclass
+class EpisodeTally:
+    """Returns of running episodes, and what ended since the last row. Returns are undiscounted, under today's S."""
+
+    running: F32
+    """(N,) return of the episodes that still run."""
+    finished: int = 0
+    succeeded: int = 0
+    return_sum: float = 0.0
+    total: int = field(default=0)
+    """Episodes since the start of the run."""
+
+    def add(self, rewards: F32, ended: NDArray[np.bool_], success: NDArray[np.bool_]) -> None:
+        """Count one step of all rows: (N,) each."""
+        self.running += rewards
+        if ended.any():
+            number = int(ended.sum())
+            self.finished += number
+            self.total += number
+            self.succeeded += int((success & ended).sum())
+            self.return_sum += float(self.running[ended].sum(dtype=np.float64))
+            self.running[ended] = 0.0
+
+    def take(self) -> dict[str, float | int | None]:
+        """Means over what ended since the last call, None without any."""
+        n = self.finished
+        row = {
+            "return_mean": self.return_sum / n if n else None,
+            "train_success": self.succeeded / n if n else None,
+        }
+        self.finished, self.succeeded, self.return_sum = 0, 0, 0.0
+        return row
+
+    def state(self) -> dict[str, Any]:
+        """All but `running`, as plain numbers."""
+        return {name: getattr(self, name) for name in ("finished", "succeeded", "return_sum", "total")}
+
+
+def reward_row(terms: F32, features: F32, maturity: float, config: RewardConfig) -> dict[str, float]:
+    """Means over recent steps (T, N, ...) of each term r_i, each weight w'_i, and of the reward they make."""
+    w = weights(features, maturity, config)
+    row = {"reward_mean": float(reward(terms, features, maturity, config).mean())}
+    for i, name in enumerate(REWARD_TERMS):
+        row[f"term/{name}"] = float(terms[..., i].mean())
+        row[f"weight/{name}"] = float(w[..., i].mean())
+    return row

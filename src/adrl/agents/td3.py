@@ -1,0 +1,149 @@
+"""TD3: the learner's state and its compiled update. Pure functions; the loop around them is in train.py.
+
+  for each pair (policy_delay) of batches:
+      y       = n-step target                      losses.targets
+      critics = Adam(critics, critic_loss)         each batch
+      actor   = Adam(actor, actor_loss)            last batch
+      targets = polyak(targets, networks)
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from adrl.agents import losses, networks
+from adrl.agents.backend import jax, jnp
+from adrl.agents.config import Td3Config
+from adrl.agents.losses import Batch, ExpertBatch, Shape, Weights
+from adrl.rewards import RewardConfig
+
+Array = jax.Array
+
+BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-8
+
+
+class Adam(NamedTuple):
+    """Moments of one parameter vector."""
+
+    mean: Array
+    square: Array
+    steps: Array
+    """() float32: the exponent of the bias correction."""
+
+
+class LearnerState(NamedTuple):
+    """All that an update changes. Parameter vectors, see networks.py."""
+
+    actor: Array
+    critics: Array
+    target_actor: Array
+    target_critics: Array
+    actor_adam: Adam
+    critic_adam: Adam
+
+
+class UpdateInfo(NamedTuple):
+    """Means over the updates of one call."""
+
+    q_mean: Array
+    """Mean Q_1 over the mixed batch (eq 2, literal form), in the reward's units."""
+    critic_loss: Array
+
+
+Update = Callable[[LearnerState, Batch, ExpertBatch | None, Weights], tuple[LearnerState, Array, UpdateInfo]]
+"""State (donated), batches with leading axes (U / policy_delay, policy_delay), expert batches (U / policy_delay), weights
+-> new state, a copy of the actor's parameters, info."""
+
+
+def make_shape(observation_size: int, td3: Td3Config, reward: RewardConfig) -> Shape:
+    """Layer sizes and constants of the compiled update."""
+    actor = networks.actor_sizes(observation_size, td3.widths)
+    critic = networks.critic_sizes(observation_size, td3.widths)
+    return Shape(actor, critic, td3, reward)
+
+
+def init_state(rng: np.random.Generator, shape: Shape) -> LearnerState:
+    """Fresh networks; targets equal to them."""
+    actor = networks.init(rng, shape.actor)
+    critics = np.concatenate([networks.init(rng, shape.critic), networks.init(rng, shape.critic)])
+
+    def fresh(vector: np.ndarray) -> Adam:
+        return Adam(jnp.zeros(vector.shape), jnp.zeros(vector.shape), jnp.zeros(()))
+
+    # Each leaf owns its memory: the state is donated, and a buffer cannot be given away twice.
+    copies = [jnp.array(vector, copy=True) for vector in (actor, critics, actor, critics)]
+    return LearnerState(*copies, fresh(actor), fresh(critics))
+
+
+def make_update(shape: Shape) -> Update:
+    """Compile the update of a shape: one call runs all batches it is given."""
+
+    def update_critics(state: LearnerState, batch: Batch, weights: Weights) -> tuple[LearnerState, UpdateInfo]:
+        target = losses.targets(state.target_actor, state.target_critics, batch, weights, shape)
+        gradient_of = jax.value_and_grad(losses.critic_loss, has_aux=True)
+        (loss, q_mean), gradient = gradient_of(state.critics, batch, target, shape)
+        critics, adam = _adam(state.critics, gradient, state.critic_adam, shape.td3.critic_learning_rate)
+        return state._replace(critics=critics, critic_adam=adam), UpdateInfo(q_mean, loss)
+
+    def update_actor(
+        state: LearnerState, batch: Batch, expert: ExpertBatch | None, weights: Weights
+    ) -> LearnerState:
+        gradient = jax.grad(losses.actor_loss)(
+            state.actor, state.critics, batch.observation, expert, weights, shape
+        )
+        actor, adam = _adam(state.actor, gradient, state.actor_adam, shape.td3.actor_learning_rate)
+        return state._replace(actor=actor, actor_adam=adam)
+
+    def update_targets(state: LearnerState) -> LearnerState:
+        def follow(target: Array, new: Array) -> Array:
+            return target + shape.td3.polyak * (new - target)
+
+        return state._replace(
+            target_actor=follow(state.target_actor, state.actor),
+            target_critics=follow(state.target_critics, state.critics),
+        )
+
+    def update(
+        state: LearnerState, batches: Batch, experts: ExpertBatch | None, weights: Weights
+    ) -> tuple[LearnerState, Array, UpdateInfo]:
+        def delayed(
+            state: LearnerState, rows: tuple[Batch, ExpertBatch | None]
+        ) -> tuple[LearnerState, list[UpdateInfo]]:
+            pair, expert = rows
+            infos = []
+            batch = pair
+            for i in range(shape.td3.policy_delay):
+                batch = Batch(*(field[i] for field in pair))
+                state, info = update_critics(state, batch, weights)
+                infos.append(info)
+            state = update_targets(update_actor(state, batch, expert, weights))
+            return state, infos
+
+        state, infos = jax.lax.scan(delayed, state, (batches, experts))
+        means = UpdateInfo(*(jnp.stack(values).mean() for values in zip(*infos, strict=True)))
+        return state, state.actor, means
+
+    return jax.jit(update, donate_argnums=0)
+
+
+def make_probe_value(shape: Shape) -> Callable[[LearnerState, Array], Array]:
+    """Compile mean_s0 min_i Q'_i(s0, pi(s0)) over (P, D) start states (eq 2, corrected)."""
+
+    def probe_value(state: LearnerState, observation: Array) -> Array:
+        action = networks.actor(state.actor, observation, shape.actor)
+        q1, q2 = networks.twin_critics(
+            state.target_critics, observation, action, shape.critic, shape.td3.critic_layer_norm
+        )
+        return jnp.minimum(q1, q2).mean()
+
+    return jax.jit(probe_value)
+
+
+def _adam(parameters: Array, gradient: Array, adam: Adam, learning_rate: float) -> tuple[Array, Adam]:
+    """One step of Adam with bias correction."""
+    steps = adam.steps + 1.0
+    mean = BETA_1 * adam.mean + (1.0 - BETA_1) * gradient
+    square = BETA_2 * adam.square + (1.0 - BETA_2) * gradient**2
+    rate = learning_rate * jnp.sqrt(1.0 - BETA_2**steps) / (1.0 - BETA_1**steps)
+    return parameters - rate * mean / (jnp.sqrt(square) + EPSILON), Adam(mean, square, steps)

@@ -1,0 +1,154 @@
+"""A trained actor in numpy: what evaluation, robots and the training loop itself run."""
+
+import json
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.numpy import load as read_safetensors
+from safetensors.numpy import save as pack_safetensors
+
+from adrl.errors import CheckpointError
+from adrl.files import atomic_write_bytes, write_json
+
+F32 = NDArray[np.float32]
+
+SCHEMA_VERSION = 1
+WEIGHTS_FILE = "policy.safetensors"
+CONFIG_FILE = "config.json"
+ACTION_SIZE = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class PolicyConfig:
+    """What a policy was trained for. Saved beside its weights; `extra` keys of the file are kept as they are."""
+
+    input_size: int
+    """D, the length of an observation."""
+    widths: tuple[int, ...]
+    """Hidden units of each layer."""
+    robot: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of the RobotConfig."""
+    encoder: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of the EncoderConfig."""
+    guidance: str = "goal"
+    method: str = "adrl"
+    maturity: float = 0.0
+    """S at the end of training; the replanner's thresholds follow it (eq 20)."""
+    extra: Mapping[str, Any] = field(default_factory=dict)
+    """Anything else that config.json holds: scenario, training time, budget, ..."""
+
+    @property
+    def sizes(self) -> tuple[int, ...]:
+        """Units of each layer, input and output included."""
+        return (self.input_size, *self.widths, ACTION_SIZE)
+
+
+class MlpPolicy:
+    """tanh(MLP(s)) with ReLU between layers."""
+
+    def __init__(self, layers: Sequence[tuple[F32, F32]], config: PolicyConfig) -> None:
+        """layers: (weight (in, out), bias (out,)) from input to output."""
+        self.layers = list(layers)
+        self.config = config
+
+    def act(self, observation: F32) -> F32:
+        """(N, D) observations -> (N, 2) actions in [-1, 1]: speed, yaw rate."""
+        x = observation
+        for weight, bias in self.layers[:-1]:
+            x = x @ weight
+            x += bias
+            np.maximum(x, 0.0, out=x)
+        weight, bias = self.layers[-1]
+        return np.tanh(x @ weight + bias)
+
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Write policy.safetensors and config.json, each at once. Raises OSError."""
+        tensors = {}
+        for i, (weight, bias) in enumerate(self.layers):
+            tensors[f"layers.{i}.weight"] = np.ascontiguousarray(weight, dtype=np.float32)
+            tensors[f"layers.{i}.bias"] = np.ascontiguousarray(bias, dtype=np.float32)
+        path = Path(folder)
+        atomic_write_bytes(path / WEIGHTS_FILE, pack_safetensors(tensors))
+        known = asdict(self.config)
+        extra = known.pop("extra")
+        write_json(path / CONFIG_FILE, {"schema_version": SCHEMA_VERSION} | known | extra)
+
+
+def load_policy(folder: str | os.PathLike[str]) -> MlpPolicy:
+    """Read a policy from a run folder. Raises CheckpointError naming the file that is missing, truncated or foreign."""
+    config = _read_config(Path(folder) / CONFIG_FILE)
+    path = Path(folder) / WEIGHTS_FILE
+    try:
+        tensors = read_safetensors(path.read_bytes())
+    except FileNotFoundError:
+        raise CheckpointError(f"{path}: no such file; give the folder of a finished training run") from None
+    except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
+        raise CheckpointError(f"{path}: truncated, or not a safetensors file ({error})") from None
+    return MlpPolicy(_layers(path, tensors, config), config)
+
+
+def _layers(path: Path, tensors: Mapping[str, NDArray[Any]], config: PolicyConfig) -> list[tuple[F32, F32]]:
+    layers, expected = [], set()
+    for i, (size_in, size_out) in enumerate(zip(config.sizes[:-1], config.sizes[1:], strict=True)):
+        pair = []
+        for kind, shape in (("weight", (size_in, size_out)), ("bias", (size_out,))):
+            name = f"layers.{i}.{kind}"
+            expected.add(name)
+            tensor = tensors.get(name)
+            if tensor is None:
+                raise CheckpointError(f"{path}: holds no tensor {name!r}; it is not an ADRL policy")
+            if tensor.shape != shape or tensor.dtype != np.float32:
+                raise CheckpointError(
+                    f"{path}: {name} is {tensor.dtype} {tensor.shape}, {CONFIG_FILE} says float32 {shape}"
+                )
+            if not np.isfinite(tensor).all():
+                raise CheckpointError(f"{path}: {name} holds NaN or infinity")
+            pair.append(tensor)
+        layers.append((pair[0], pair[1]))
+    if foreign := sorted(tensors.keys() - expected):
+        raise CheckpointError(f"{path}: holds a foreign tensor {foreign[0]!r}; {CONFIG_FILE} is of another policy")
+    return layers
+
+
+def _read_config(path: Path) -> PolicyConfig:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise CheckpointError(f"{path}: no such file; give the folder of a finished training run") from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise CheckpointError(f"{path}: not a readable JSON file ({error})") from None
+    if not isinstance(content, dict) or not {"schema_version", "input_size", "widths"} <= content.keys():
+        raise CheckpointError(f"{path}: not the config of an ADRL policy; it lacks input_size or widths")
+    if content.pop("schema_version") != SCHEMA_VERSION:
+        raise CheckpointError(f"{path}: written by another version of ADRL; schema_version is not {SCHEMA_VERSION}")
+    known = {f.name for f in fields(PolicyConfig)} - {"extra"}
+    values = {name: content.pop(name) for name in known & content.keys()}
+    _check_values(path, values)
+    return PolicyConfig(**(values | {"widths": tuple(values["widths"])}), extra=content)
+
+
+def _check_values(path: Path, values: Mapping[str, Any]) -> None:
+    def is_size(value: object) -> bool:
+        return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= 65536
+
+    widths = values["widths"]
+    checks = {
+        "input_size": is_size(values["input_size"]),
+        "widths": isinstance(widths, list) and len(widths) > 0 and all(is_size(w) for w in widths),
+        "robot": isinstance(values.get("robot", {}), dict),
+        "encoder": isinstance(values.get("encoder", {}), dict),
+        "guidance": isinstance(values.get("guidance", ""), str),
+        "method": isinstance(values.get("method", ""), str),
+        "maturity": isinstance(values.get("maturity", 0.0), (int, float))
+        and math.isfinite(values.get("maturity", 0.0)),
+    }
+    for name, good in checks.items():
+        if not good:
+            raise CheckpointError(f"{path}: {name} is {values[name]!r}; the file was edited or is of another program")

@@ -1,0 +1,15 @@
+"""Gymnasium environments over the batch simulator: adrl/Nav-v0, alone and vectorised."""
+
+import gymnasium
+
+from adrl.envs.nav_env import NavEnv
+from adrl.envs.nav_sim import NavSim, Outcome
+from adrl.envs.randomization import MILD, NOMINAL, Randomization
+from adrl.envs.vector_env import NavVectorEnv
+
+__all__ = ["MILD", "NOMINAL", "NavEnv", "NavSim", "NavVectorEnv", "Outcome", "Randomization"]
+
+if "adrl/Nav-v0" not in gymnasium.registry:
+    gymnasium.register(
+        "adrl/Nav-v0", entry_point="adrl.envs:NavEnv", vector_entry_point="adrl.envs:NavVectorEnv"
+    )

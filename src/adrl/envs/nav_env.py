@@ -1,0 +1,65 @@
+"""Gymnasium environment of one robot."""
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from adrl.envs.render import Renderer
+from adrl.envs.vector_env import RENDER_FPS, NavVectorEnv
+
+F32 = NDArray[np.float32]
+
+
+class NavEnv(gymnasium.Env[F32, F32]):
+    """A vector environment of one robot, without its leading axis. Takes NavVectorEnv's keyword arguments."""
+
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": RENDER_FPS}
+
+    def __init__(self, render_mode: str | None = None, **kwargs: Any) -> None:
+        self._env = NavVectorEnv(1, autoreset_mode=AutoresetMode.DISABLED, **kwargs)
+        self.observation_space = self._env.single_observation_space
+        self.action_space = self._env.single_action_space
+        self.render_mode = render_mode
+        self._renderer = Renderer() if render_mode is not None else None
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[F32, dict[str, Any]]:
+        """Start a new episode. Returns the (D,) observation and info."""
+        super().reset(seed=seed)
+        observation, info = self._env.reset(seed=seed, options=options)
+        self._show()
+        return observation[0], info
+
+    def step(self, action: F32) -> tuple[F32, float, bool, bool, dict[str, Any]]:
+        """Execute the (2,) action for one control period."""
+        observation, rewards, terminated, truncated, info = self._env.step(np.asarray(action)[None])
+        self._show()
+        del info["final_obs"]
+        return (
+            observation[0],
+            float(rewards[0]),
+            bool(terminated[0]),
+            bool(truncated[0]),
+            {name: value[0] for name, value in info.items()},
+        )
+
+    def expert_action(self) -> F32:
+        """(2,) action of A*+DWA, which knows everything, in the current state."""
+        return self._env.expert_actions()[0]
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """The (H, W, 3) picture in render mode rgb_array; the window of mode human keeps itself up to date."""
+        if self.render_mode == "rgb_array" and self._renderer is not None:
+            return self._renderer.draw(self._env.sim, 0)
+        return None
+
+    def close(self) -> None:
+        """Close the window, if any."""
+        if self._renderer is not None:
+            self._renderer.close()
+
+    def _show(self) -> None:
+        if self.render_mode == "human" and self._renderer is not None:
+            self._renderer.show(self._env.sim, 0, RENDER_FPS)

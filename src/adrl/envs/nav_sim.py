@@ -1,0 +1,216 @@
+"""N robots, each on its own task: the batch simulator with the observation encoder and the reward terms around it.
+
+No autoreset and no Gymnasium: NavVectorEnv and the evaluation's rollout are built on this.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl import _core
+from adrl.envs.randomization import NOMINAL, Randomization, draw_params
+from adrl.errors import UnknownName
+from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
+from adrl.rewards import RewardConfig, Step, features, terms
+from adrl.types import GUIDANCE, Array, RobotConfig, Task
+
+F32 = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+LOOKAHEAD_M = 1.5
+"""Distance along the path of the waypoint that guidance `map` gives to the policy."""
+STAGNATION_WINDOW = 5
+"""Steps over which eq 12 averages displacements."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one step brought, a row a robot."""
+
+    reached: Mask
+    collided: Mask
+    timed_out: Mask
+    reward_terms: F32
+    """(N, 6) r_i of eqs 7-12."""
+    features: F32
+    """(N, 3) T_obs, T_goal, T_stop of the state in which the action was taken."""
+
+
+class NavSim:
+    """Robots that observe and act. `b` holds the simulator's arrays by name, a row a robot; see _core.BatchSim."""
+
+    def __init__(
+        self,
+        num_envs: int,
+        robot: RobotConfig,
+        *,
+        guidance: str = "goal",
+        randomization: Randomization = NOMINAL,
+        encoder: EncoderConfig | None = None,
+        reward: RewardConfig | None = None,
+        num_threads: int = 1,
+    ) -> None:
+        """num_threads: 0 takes one per core. Raises UnknownName for a guidance that does not exist."""
+        if guidance not in GUIDANCE:
+            raise UnknownName("guidance", guidance, GUIDANCE)
+        self.num_envs = num_envs
+        self.robot = robot
+        self.guidance = guidance
+        self.encoder = ObservationEncoder(robot, encoder)
+        self.reward = reward or RewardConfig()
+        self._randomization = randomization
+        self.b = _buffers(num_envs, robot.lidar.num_beams)
+        config = _core.SimConfig()
+        config.lookahead_m = LOOKAHEAD_M if guidance == "map" else 0.0
+        config.dwa_lookahead_m = min(max(1.5 * robot.max_speed_mps, 0.5), 3.0)
+        self._sim = _core.BatchSim(num_envs, num_threads, robot.native, config, self.b)
+        self.tasks: list[Task | None] = [None] * num_envs
+        self._time_limit_s = np.full(num_envs, np.inf)
+        self._last_action = np.zeros((num_envs, 2), dtype=np.float32)
+        self._displacements = np.zeros((num_envs, STAGNATION_WINDOW))
+        self._features = np.zeros((num_envs, 3), dtype=np.float32)
+
+    def reset(
+        self, indices: NDArray[np.intp], tasks: Sequence[Task], seeds: NDArray[np.uint64], rng: np.random.Generator
+    ) -> None:
+        """Start the robots `indices` (M,) on `tasks`; seeds (M,) of their sensors' noise, rng draws their parameters."""
+        mask = np.zeros(self.num_envs, dtype=np.uint8)
+        for i, task in zip(indices, tasks, strict=True):
+            self.tasks[i] = task
+            self._sim.set_task(int(i), task.native)
+            self._time_limit_s[i] = task.time_limit_s
+        mask[indices] = 1
+        self.b["seed"][indices] = seeds
+        self.b["params"][indices] = draw_params(self.robot, self._randomization, len(indices), rng)
+        self.b["active"][indices] = 1
+        self._last_action[indices] = to_action(np.zeros((1, 2)), self.robot)
+        self._sim.reset(mask)
+        # A robot that has just started is not stagnant: its window begins full.
+        self._displacements[indices] = self.robot.max_speed_mps * self.robot.control_period_s
+        self._features[indices] = features(self._snapshot(), self.reward)[indices]
+
+    def observe(self) -> F32:
+        """(N, D) observations, a new array."""
+        b = self.b
+        # A known map comes with localisation; mapless robots only have their odometry.
+        pose = b["pose"] if self.guidance == "map" else b["odometry"]
+        goal = in_robot_frame(pose, b["waypoint"])
+        return self.encoder.encode(b["ranges"], goal, b["twist"], self._last_action)
+
+    def step(self, actions: F32) -> Outcome:
+        """Execute (N, 2) normalised actions for one control period on every active robot."""
+        b = self.b
+        before_pose = b["pose"].copy()
+        before_waypoint = b["waypoint"].copy()
+        before_distance = self._distance()
+        self._last_action = np.clip(actions, -1.0, 1.0).astype(np.float32)
+        b["command"][:] = to_twist(actions, self.robot)
+        self._sim.step()
+        moved = np.hypot(*(b["pose"][:, :2] - before_pose[:, :2]).T)
+        self._displacements = np.concatenate([self._displacements[:, 1:], moved[:, None]], axis=1)
+        reached, collided = b["reached"].astype(bool), b["collided"].astype(bool)
+        step = self._snapshot(
+            reached=reached,
+            collided=collided,
+            previous_distance_m=before_distance,
+            heading_error_rad=_heading_error(b["pose"], before_waypoint),
+            previous_heading_error_rad=_heading_error(before_pose, before_waypoint),
+        )
+        outcome = Outcome(
+            reached=reached,
+            collided=collided,
+            timed_out=(b["time"] >= self._time_limit_s - 1e-6) & ~reached & ~collided,
+            reward_terms=terms(step, self.reward),
+            features=self._features,
+        )
+        self._features = features(step, self.reward)
+        return outcome
+
+    def expert_actions(self) -> F32:
+        """(N, 2) actions of A*+DWA in the current states. It knows the world, the path and where discs will be."""
+        command = np.zeros((self.num_envs, 2))
+        self._sim.plan(command)
+        return to_action(command, self.robot)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Copies of all that changes; with the tasks, enough to continue to the same bytes."""
+        own = {
+            "last_action": self._last_action,
+            "displacements": self._displacements,
+            "features": self._features,
+            "time_limit_s": self._time_limit_s,
+        }
+        return {name: array.copy() for name, array in (self.b | own).items()}
+
+    def set_state(self, state: Mapping[str, NDArray[Any]], tasks: Sequence[Task | None]) -> None:
+        """Continue from what state() returned."""
+        for name, array in self.b.items():
+            array[:] = state[name]
+        self._last_action = state["last_action"].copy()
+        self._displacements = state["displacements"].copy()
+        self._features = state["features"].copy()
+        self._time_limit_s[:] = state["time_limit_s"]
+        for i, task in enumerate(tasks):
+            self.tasks[i] = task
+            if task is not None:
+                self._sim.set_task(i, task.native)
+
+    def _distance(self) -> Array:
+        """(N,) metres to the goal: along the path for guidance `map`, straight otherwise."""
+        if self.guidance == "map":
+            return self.b["route_left"].copy()
+        return np.hypot(*(self.b["waypoint"] - self.b["pose"][:, :2]).T)
+
+    def _snapshot(self, **changes: Any) -> Step:
+        """The current state as the reward sees it; without changes, one in which nothing has moved."""
+        n = self.num_envs
+        distance = self._distance()
+        error = _heading_error(self.b["pose"], self.b["waypoint"])
+        values: dict[str, Any] = {
+            "reached": np.zeros(n, dtype=bool),
+            "collided": np.zeros(n, dtype=bool),
+            "speed_mps": self.b["twist"][:, 0],
+            "yaw_rate_radps": self.b["twist"][:, 1],
+            "distance_m": distance,
+            "previous_distance_m": distance,
+            "heading_error_rad": error,
+            "previous_heading_error_rad": error,
+            "clearance_m": self.b["clearance"],
+            "mean_displacement_m": self._displacements.mean(axis=1),
+            "max_speed_mps": self.robot.max_speed_mps,
+            "max_yaw_rate_radps": self.robot.max_yaw_rate_radps,
+            "dt_s": self.robot.control_period_s,
+        }
+        return Step(**(values | changes))
+
+
+def _heading_error(pose: Array, target: Array) -> Array:
+    """(N,) angle from the heading to the target, in (-pi, pi]."""
+    ahead = in_robot_frame(pose, target)
+    return np.arctan2(ahead[:, 1], ahead[:, 0])
+
+
+def _buffers(n: int, beams: int) -> dict[str, NDArray[Any]]:
+    shapes: dict[str, tuple[tuple[int, ...], Any]] = {
+        "command": ((n, 2), np.float64),
+        "active": ((n,), np.uint8),
+        "seed": ((n,), np.uint64),
+        "params": ((n, _core.NUM_PARAMS), np.float64),
+        "ranges": ((n, beams), np.float32),
+        "pose": ((n, 3), np.float64),
+        "odometry": ((n, 3), np.float64),
+        "twist": ((n, 2), np.float64),
+        "clearance": ((n,), np.float64),
+        "least_clearance": ((n,), np.float64),
+        "waypoint": ((n, 2), np.float64),
+        "route_left": ((n,), np.float64),
+        "time": ((n,), np.float64),
+        "travelled": ((n,), np.float64),
+        "reached": ((n,), np.uint8),
+        "collided": ((n,), np.uint8),
+        "memory": ((n, _core.MEMORY_SIZE), np.float64),
+    }
+    return {name: np.zeros(shape, dtype=dtype) for name, (shape, dtype) in shapes.items()}

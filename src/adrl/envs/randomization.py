@@ -1,0 +1,62 @@
+"""Episode-to-episode variation of the robots: what the real one will differ in from the model."""
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from adrl import _core
+from adrl.errors import ConfigError
+from adrl.types import Array, RobotConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class Randomization:
+    """Half-widths of uniform ranges, drawn once an episode. All zero: the nominal robot."""
+
+    gain: float = 0.0
+    """Relative error of executed over commanded speed and yaw rate: wheel wear, drag, slip."""
+    acceleration: float = 0.0
+    """Relative change of both acceleration limits."""
+    lag: float = 0.0
+    """Relative change of the lag."""
+    latency_s: float = 0.0
+    """Latency added to the robot's own, uniform in [0, latency_s]."""
+    range_noise: float = 0.0
+    """Relative change of the range noise."""
+    dropout_probability: float = 0.0
+    """Dropouts added to the LiDAR's own, uniform in [0, dropout_probability]."""
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if not (math.isfinite(value) and 0.0 <= value < 1.0):
+                raise ConfigError(f"randomization.{field.name} is {value}; give a number in [0, 1)")
+
+
+NOMINAL = Randomization()
+MILD = Randomization(gain=0.05, acceleration=0.2, lag=0.5, latency_s=0.05, range_noise=1.0 - 1e-9)
+"""The default of training: no policy should lean on one exact base."""
+
+
+def nominal_params(robot: RobotConfig) -> Array:
+    """(P,) what the simulator takes for the robot as configured; columns as in _core.NUM_PARAMS."""
+    lidar = robot.lidar
+    params = [1.0, 1.0, robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2, robot.lag_s, robot.latency_s]
+    params += [lidar.noise_std_m, lidar.dropout_probability, 0.0, 0.0]
+    assert len(params) == _core.NUM_PARAMS
+    return np.array(params)
+
+
+def draw_params(robot: RobotConfig, randomization: Randomization, count: int, rng: np.random.Generator) -> Array:
+    """(count, P) parameters of new episodes. Odometry drift is drawn here too: it is random even for a nominal robot."""
+    params = np.tile(nominal_params(robot), (count, 1))
+    r = randomization
+    params[:, :2] *= 1.0 + r.gain * rng.uniform(-1.0, 1.0, (count, 2))
+    params[:, 2:4] *= 1.0 + r.acceleration * rng.uniform(-1.0, 1.0, (count, 2))
+    params[:, 4] *= 1.0 + r.lag * rng.uniform(-1.0, 1.0, count)
+    params[:, 5] += r.latency_s * rng.uniform(0.0, 1.0, count)
+    params[:, 6] *= 1.0 + r.range_noise * rng.uniform(-1.0, 1.0, count)
+    params[:, 7] += r.dropout_probability * rng.uniform(0.0, 1.0, count)
+    params[:, 8:] = robot.odometry_drift * rng.standard_normal((count, 2))
+    return params

@@ -1,0 +1,193 @@
+"""Gymnasium vector environment over the batch simulator."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from adrl.envs.nav_sim import NavSim
+from adrl.envs.randomization import MILD, NOMINAL, Randomization
+from adrl.envs.render import Renderer
+from adrl.errors import ConfigError
+from adrl.observation import EncoderConfig
+from adrl.rewards import RewardConfig, reward
+from adrl.types import RobotConfig, Scenario, Task
+from adrl.worlds import get_scenario, load_robot, task_set
+
+F32 = NDArray[np.float32]
+
+RENDER_FPS = 10
+
+
+class TaskPool:
+    """The first `size` tasks of a split, each made when it is first asked for."""
+
+    def __init__(self, scenario: Scenario, robot: RobotConfig, split: str, size: int) -> None:
+        if size < 1:
+            raise ConfigError(f"task_pool is {size}; give 1 or more")
+        self.size = size
+        self._scenario, self._robot, self._split = scenario, robot, split
+        self._tasks: dict[int, Task] = {}
+
+    def __getitem__(self, index: int) -> Task:
+        """Task `index` of the split."""
+        if index not in self._tasks:
+            self._tasks[index] = task_set(self._scenario, self._robot, self._split, 1, first=index)[0]
+        return self._tasks[index]
+
+
+class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
+    """N robots on tasks drawn from a scenario. Terminates on arrival and collision, truncates at the time limit.
+
+    Observations (N, D) float32, see ObservationEncoder; actions (N, 2) float32 in [-1, 1]: speed, yaw rate.
+    info: reward_terms (N, 6), features (N, 3), success, collision (N,) and final_obs (N, D), the true successor of
+    every row, which differs from the observation where an episode has ended and the next one begun.
+    """
+
+    metadata: dict[str, Any] = {
+        "render_modes": ["rgb_array"],
+        "render_fps": RENDER_FPS,
+        "autoreset_mode": AutoresetMode.SAME_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        scenario: str | Scenario = "clutter",
+        robot: str | RobotConfig = "diffbot",
+        guidance: str = "goal",
+        split: str = "train",
+        task_pool: int = 512,
+        randomize: bool | Randomization = True,
+        encoder: EncoderConfig | None = None,
+        reward_config: RewardConfig | None = None,
+        maturity: float = 0.5,
+        seed: int = 0,
+        num_threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        render_mode: str | None = None,
+    ) -> None:
+        """split, task_pool: tasks are drawn from the first `task_pool` ones of the split.
+
+        randomize: False for the nominal robot, True for mild variation, or a Randomization.
+        maturity: S of eq 13, which sets the reward weights (eqs 14-16); the learner overrides it as it matures.
+        seed: used until reset(seed=...) gives another. num_threads: 0 takes one per core.
+        autoreset_mode: SAME_STEP, or DISABLED to reset with options={"reset_mask": mask}.
+        """
+        if num_envs < 1:
+            raise ConfigError(f"num_envs is {num_envs}; give 1 or more")
+        self.num_envs = num_envs
+        self.robot = robot if isinstance(robot, RobotConfig) else load_robot(robot)
+        self.scenario = get_scenario(scenario)
+        randomization = {True: MILD, False: NOMINAL}[randomize] if isinstance(randomize, bool) else randomize
+        self.sim = NavSim(
+            num_envs,
+            self.robot,
+            guidance=guidance,
+            randomization=randomization,
+            encoder=encoder,
+            reward=reward_config,
+            num_threads=num_threads,
+        )
+        self.maturity = maturity
+        self._pool = TaskPool(self.scenario, self.robot, split, task_pool)
+        self._autoreset = AutoresetMode(autoreset_mode)
+        if self._autoreset is AutoresetMode.NEXT_STEP:
+            raise ConfigError("autoreset_mode NextStep is not offered; take SameStep or Disabled")
+        self.metadata = self.metadata | {"autoreset_mode": self._autoreset}
+        self._rng = np.random.Generator(np.random.PCG64(seed))
+        self._task_index = np.zeros(num_envs, dtype=np.int64)
+        size = self.sim.encoder.size
+        self.single_observation_space = spaces.Box(-1.0, np.inf, (size,), np.float32)
+        self.single_action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.render_mode = render_mode
+        self._renderer = Renderer() if render_mode is not None else None
+
+    def reset(
+        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[F32, dict[str, Any]]:
+        """Start new episodes: all, or those of options["reset_mask"] (N,) bool. Returns (N, D) observations, info."""
+        if seed is not None:
+            self._rng = np.random.Generator(np.random.PCG64(seed))
+        mask = (options or {}).get("reset_mask")
+        indices = np.arange(self.num_envs) if mask is None else np.flatnonzero(mask)
+        self._begin(indices)
+        return self.sim.observe(), {}
+
+    def step(self, actions: F32) -> tuple[F32, F32, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Execute (N, 2) actions for one control period. Returns obs, reward, terminated, truncated, info."""
+        outcome = self.sim.step(np.asarray(actions, dtype=np.float32).reshape(self.num_envs, 2))
+        terminated = outcome.reached | outcome.collided
+        truncated = outcome.timed_out
+        observation = self.sim.observe()
+        info = {
+            "reward_terms": outcome.reward_terms,
+            "features": outcome.features,
+            "success": outcome.reached,
+            "collision": outcome.collided,
+            "final_obs": observation,
+        }
+        ended = terminated | truncated
+        if self._autoreset is AutoresetMode.SAME_STEP and ended.any():
+            info["_final_obs"] = ended
+            self._begin(np.flatnonzero(ended))
+            observation = self.sim.observe()
+        rewards = reward(outcome.reward_terms, outcome.features, self.maturity, self.sim.reward)
+        return observation, np.asarray(rewards, dtype=np.float32), terminated, truncated, info
+
+    def expert_actions(self) -> F32:
+        """(N, 2) actions of A*+DWA, which knows everything, in the current states."""
+        return self.sim.expert_actions()
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """One (H, W, 3) picture a robot, in render mode rgb_array."""
+        if self._renderer is None:
+            return None
+        return tuple(self._renderer.draw(self.sim, i) for i in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the window, if any."""
+        if self._renderer is not None:
+            self._renderer.close()
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Copies of all that changes, as arrays: with the constructor's arguments, enough for a byte-equal resume."""
+        return self.sim.state() | {"task_index": self._task_index.copy(), "rng": _pack(self._rng)}
+
+    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from what state() returned."""
+        self._task_index[:] = state["task_index"]
+        _unpack(self._rng, state["rng"])
+        self.sim.set_state(state, [self._pool[int(i)] for i in self._task_index])
+
+    def _begin(self, indices: NDArray[np.intp]) -> None:
+        chosen = self._rng.integers(self._pool.size, size=len(indices))
+        seeds = self._rng.integers(2**63, size=len(indices), dtype=np.uint64)
+        self._task_index[indices] = chosen
+        self.sim.reset(indices, [self._pool[int(i)] for i in chosen], seeds, self._rng)
+
+
+def _pack(rng: np.random.Generator) -> NDArray[np.uint64]:
+    """(6,) the state of a PCG64 generator: two 128-bit numbers as halves, and the buffered 32 bits."""
+    state = rng.bit_generator.state
+    low = (1 << 64) - 1
+    numbers = [state["state"]["state"], state["state"]["inc"]]
+    words = [half for number in numbers for half in (number & low, number >> 64)]
+    return np.array([*words, state["has_uint32"], state["uinteger"]], dtype=np.uint64)
+
+
+def _unpack(rng: np.random.Generator, words: NDArray[np.uint64]) -> None:
+    w = [int(x) for x in words]
+    rng.bit_generator.state = {
+        "bit_generator": "PCG64",
+        "state": {"state": w[0] | w[1] << 64, "inc": w[2] | w[3] << 64},
+        "has_uint32": w[4],
+        "uinteger": w[5],
+    }

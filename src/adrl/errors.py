@@ -1,0 +1,62 @@
+"""Every error ADRL raises on purpose. Each says what is wrong and what to do; the CLI prints it and exits with 2."""
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class AdrlError(Exception):
+    """Base of all errors caused by the input, not by a fault in ADRL."""
+
+
+class ConfigError(AdrlError):
+    """A configuration value is outside its domain."""
+
+
+class UnknownName(AdrlError):
+    """A robot, scenario, method or policy that no registry lists."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        known = sorted(known)
+        nearest = get_close_matches(name, known, n=1, cutoff=0.4)
+        hint = f"did you mean {nearest[0]!r}? " if nearest else ""
+        super().__init__(f"unknown {kind} {name!r}: {hint}known: {', '.join(known)}")
+
+
+class MapError(AdrlError):
+    """A map file is missing, malformed or has no free cell."""
+
+
+class WorldError(AdrlError):
+    """A Gazebo world cannot be read or holds no usable geometry."""
+
+
+class PlanningError(AdrlError):
+    """Base of the planners' errors."""
+
+
+class StartOccupied(PlanningError):
+    """The start pose is in collision."""
+
+
+class GoalOccupied(PlanningError):
+    """The goal lies inside an obstacle or too near one for the robot."""
+
+
+class NoPath(PlanningError):
+    """Start and goal are free but not connected for this robot."""
+
+
+class TaskError(AdrlError):
+    """No task that meets the request could be drawn from a world."""
+
+
+class CheckpointError(AdrlError):
+    """A run folder, policy or checkpoint is truncated, foreign or of another shape."""
+
+
+class DatasetError(AdrlError):
+    """A demonstration dataset is missing, malformed or of another shape."""
+
+
+class MissingExtra(AdrlError):
+    """An optional dependency is needed and not installed."""

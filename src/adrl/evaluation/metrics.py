@@ -1,0 +1,232 @@
+"""What one evaluation measured, episode by episode, and the field's metrics of it."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.errors import CheckpointError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+# Each array of more than one column, and the names of its columns in a table.
+_WIDE = {
+    "start_xy_m": ("start_x_m", "start_y_m"),
+    "goal_xy_m": ("goal_x_m", "goal_y_m"),
+    "final_pose": ("final_x_m", "final_y_m", "final_yaw_rad"),
+}
+_DTYPES = {"task": np.int32, "success": np.bool_, "collision": np.bool_, "timeout": np.bool_}
+_NOT_NEGATIVE = ("distance_m", "time_s", "shortest_m", "smoothness")
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Episodes:
+    """E finished episodes of one policy; arrays are copied, read-only. ValueError on a broken record."""
+
+    task: NDArray[np.int32]
+    """(E,) index of the task in its split."""
+    success: Flags
+    """(E,) reached the goal. Exactly one of success, collision and timeout holds in every episode."""
+    collision: Flags
+    """(E,) touched an obstacle."""
+    timeout: Flags
+    """(E,) ran out of time."""
+    distance_m: Array
+    """(E,) length of the path driven."""
+    time_s: Array
+    """(E,) simulated time from start to end."""
+    shortest_m: Array
+    """(E,) length of the shortest feasible path of the inflated footprint: Task.shortest_m."""
+    least_clearance_m: Array
+    """(E,) smallest distance between footprint and obstacle on the way; 0 or less after a collision."""
+    mean_speed_mps: Array
+    """(E,) distance_m / time_s."""
+    smoothness: Array
+    """(E,) mean absolute yaw acceleration in rad/s^2, see `smoothness_radps2`. Smaller is smoother."""
+    start_xy_m: Array
+    """(E, 2) where the robot started."""
+    goal_xy_m: Array
+    """(E, 2) where it had to go."""
+    final_pose: Array
+    """(E, 3) x, y, yaw at the end."""
+
+    def __post_init__(self) -> None:
+        count = np.asarray(self.task).shape[:1]
+        for field in fields(self):
+            array = np.array(getattr(self, field.name), dtype=_DTYPES.get(field.name, np.float64))
+            shape = (*count, len(_WIDE[field.name])) if field.name in _WIDE else count
+            if not count or array.shape != shape:
+                raise ValueError(f"episodes.{field.name} has shape {array.shape}; expected {shape or '(E,)'}")
+            if not np.isfinite(array).all():
+                raise ValueError(f"episodes.{field.name} holds a number that is not finite")
+            if field.name in _NOT_NEGATIVE and (array < 0.0).any():
+                raise ValueError(f"episodes.{field.name} holds a negative number")
+            array.setflags(write=False)
+            object.__setattr__(self, field.name, array)
+        endings = self.success.astype(int) + self.collision + self.timeout
+        if (endings != 1).any():
+            first = int(np.flatnonzero(endings != 1)[0])
+            raise ValueError(f"episode {first} has {endings[first]} endings; expected exactly one")
+
+    def __len__(self) -> int:
+        return len(self.task)
+
+    def select(self, rows: NDArray[np.integer] | Flags) -> Self:
+        """The episodes at these row numbers, or where this mask (E,) is true."""
+        return type(self)(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+
+    def to_table(self) -> "pa.Table":
+        """One row an episode; positions become columns such as start_x_m."""
+        import pyarrow as pa
+
+        columns: dict[str, NDArray[np.generic]] = {}
+        for field in fields(self):
+            array = getattr(self, field.name)
+            if field.name in _WIDE:
+                columns |= {name: array[:, i] for i, name in enumerate(_WIDE[field.name])}
+            else:
+                columns[field.name] = array
+        return pa.table({name: pa.array(column) for name, column in columns.items()})
+
+    @classmethod
+    def from_table(cls, table: "pa.Table") -> Self:
+        """Inverse of to_table; ignores unknown columns. Raises CheckpointError on a foreign table."""
+
+        def column(name: str) -> NDArray[np.generic]:
+            if name not in table.column_names:
+                raise CheckpointError(f"episode table has no column {name!r}; adrl evaluate did not write it")
+            values = table.column(name)
+            if values.null_count:
+                raise CheckpointError(f"episode table has empty values in column {name!r}; evaluate again")
+            return values.to_numpy()
+
+        arrays: dict[str, NDArray[np.generic]] = {}
+        for field in fields(cls):
+            wide = _WIDE.get(field.name)
+            arrays[field.name] = np.stack([column(n) for n in wide], axis=1) if wide else column(field.name)
+        try:
+            return cls(**arrays)  # pyright: ignore[reportArgumentType]  # dtypes are set in __post_init__
+        except (ValueError, TypeError) as error:
+            raise CheckpointError(f"episode table is malformed: {error}") from error
+
+
+def smoothness_radps2(yaw_rate_radps: Array, dt_s: float) -> float:
+    """Mean absolute yaw acceleration of yaw rates (T,) dt_s apart: sum_k |w_(k+1) - w_k| / ((T - 1) dt).
+
+    It is the total variation of the yaw rate per second: 0 on a line or a circle, large when the robot
+    wiggles. 0 for fewer than two samples.
+    """
+    if len(yaw_rate_radps) < 2:
+        return 0.0
+    return float(np.abs(np.diff(yaw_rate_radps)).mean() / dt_s)
+
+
+def optimality_ratios(episodes: Episodes) -> Array:
+    """(successes,) path driven / shortest path. Left out: a start at the goal, where there is no ratio.
+
+    Below 1 where the robot stops within the goal's tolerance, or cuts a corner closer than the planner's
+    margin.
+    """
+    rows = episodes.success & (episodes.shortest_m > 0.0)
+    return episodes.distance_m[rows] / episodes.shortest_m[rows]
+
+
+def path_weighted_successes(episodes: Episodes) -> Array:
+    """(E,) terms of SPL (Anderson et al. 2018): success * shortest / max(driven, shortest), in [0, 1]."""
+    longest = np.maximum(episodes.distance_m, episodes.shortest_m)
+    ratio = np.divide(episodes.shortest_m, longest, out=np.ones_like(longest), where=longest > 0.0)
+    return np.where(episodes.success, ratio, 0.0)
+
+
+SAMPLES: dict[str, Callable[[Episodes], Array]] = {
+    "distance_m": lambda episodes: episodes.distance_m[episodes.success],
+    "time_s": lambda episodes: episodes.time_s[episodes.success],
+    "optimality": optimality_ratios,
+    "spl": path_weighted_successes,
+    "least_clearance_m": lambda episodes: episodes.least_clearance_m,
+    "smoothness": lambda episodes: episodes.smoothness,
+}
+"""Metrics that are means: name -> the numbers to average, of successes (OVER_SUCCESSES) or of all."""
+
+RATES = ("success", "collision", "timeout")
+"""Metrics that are fractions of the episodes."""
+
+OVER_SUCCESSES = ("distance_m", "time_s", "optimality")
+"""Metrics that exist only where the goal was reached."""
+
+
+def rate(episodes: Episodes, ending: str) -> float:
+    """Fraction of the episodes with this ending, one of RATES. NaN for no episodes."""
+    return _mean(getattr(episodes, ending))
+
+
+def success_rate(episodes: Episodes) -> float:
+    """Fraction of the episodes that reached the goal. NaN for no episodes."""
+    return rate(episodes, "success")
+
+
+def collision_rate(episodes: Episodes) -> float:
+    """Fraction of the episodes that touched an obstacle. NaN for no episodes."""
+    return rate(episodes, "collision")
+
+
+def timeout_rate(episodes: Episodes) -> float:
+    """Fraction of the episodes that ran out of time. NaN for no episodes."""
+    return rate(episodes, "timeout")
+
+
+def average_distance_m(episodes: Episodes) -> float:
+    """Av.D of Table I: mean length of the path driven, over successes. NaN without one."""
+    return _mean(SAMPLES["distance_m"](episodes))
+
+
+def average_time_s(episodes: Episodes) -> float:
+    """Av.T of Table I: mean time to the goal, over successes. NaN without one."""
+    return _mean(SAMPLES["time_s"](episodes))
+
+
+def optimality(episodes: Episodes) -> float:
+    """Mean over successes of path driven / shortest path. NaN without one."""
+    return _mean(SAMPLES["optimality"](episodes))
+
+
+def spl(episodes: Episodes) -> float:
+    """Success weighted by path length: mean of success * shortest / max(driven, shortest), or NaN."""
+    return _mean(SAMPLES["spl"](episodes))
+
+
+def least_clearance_m(episodes: Episodes) -> float:
+    """Mean over all episodes of the least clearance of each. NaN for no episodes."""
+    return _mean(SAMPLES["least_clearance_m"](episodes))
+
+
+def on_common_tasks(several: Sequence[Episodes]) -> list[Episodes]:
+    """The episodes of each policy on the tasks that all of them drove, in the order of the task index.
+
+    Raises ValueError when a policy drove one task more than once: pairing is then not defined.
+    """
+    for episodes in several:
+        if len(np.unique(episodes.task)) != len(episodes):
+            raise ValueError("a task was driven more than once by one policy; give one episode a task")
+    common = several[0].task
+    for episodes in several[1:]:
+        common = np.intersect1d(common, episodes.task)
+    by_task = [episodes.select(np.argsort(episodes.task)) for episodes in several]
+    return [episodes.select(np.isin(episodes.task, common)) for episodes in by_task]
+
+
+def solved_by_all(several: Sequence[Episodes]) -> list[Episodes]:
+    """The episodes of each policy on the tasks that all of them solved: fair ground for Av.D and Av.T."""
+    paired = on_common_tasks(several)
+    solved = np.logical_and.reduce([episodes.success for episodes in paired])
+    return [episodes.select(solved) for episodes in paired]
+
+
+def _mean(samples: Array | Flags) -> float:
+    return float(np.mean(samples)) if len(samples) else float("nan")

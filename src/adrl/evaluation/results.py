@@ -1,0 +1,175 @@
+"""Result files of an evaluation (design section 9), and the table that compares several of them."""
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from adrl import files
+from adrl.errors import CheckpointError
+from adrl.evaluation.metrics import OVER_SUCCESSES, RATES, SAMPLES, Episodes, on_common_tasks, solved_by_all
+from adrl.evaluation.statistics import Interval, bootstrap_mean, paired_difference, wilson_interval
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+SCHEMA_VERSION = 1
+"""Raised when a key changes its meaning or goes away, not when one is added."""
+
+Summary = dict[str, Any]
+"""One evaluation as it stands in the JSON file."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunMeta:
+    """Which policy was evaluated on what."""
+
+    policy: str
+    """Name of the policy, or the run folder it came from."""
+    method: str
+    """How it was made: adrl, td3, ..., or astar-dwa."""
+    robot: str
+    scenario: str
+    guidance: str
+    split: str
+    train_seconds: float | None = None
+    """Wall clock spent on training; None for a planner."""
+    env_steps: int | None = None
+    """Environment steps of training; None for a planner."""
+    gradient_updates: int | None = None
+    """Critic updates of training; None for a planner."""
+
+
+def summarise(episodes: Episodes, meta: RunMeta) -> Summary:
+    """The JSON document of one evaluation. Each metric comes with _low and _high, its 95 % interval.
+
+    Rates have Wilson intervals; means have percentile bootstrap intervals over episodes. `distance_m`,
+    `time_s` and `optimality` are over successes. None where undefined: no success, or an interval from a
+    single number. Equal episodes give equal documents.
+    """
+    about = asdict(meta)
+    training = {key: about.pop(key) for key in ("train_seconds", "env_steps", "gradient_updates")}
+    summary: Summary = {"schema_version": SCHEMA_VERSION, **about, "episodes": len(episodes)}
+    for ending in RATES:
+        flags = getattr(episodes, ending)
+        summary |= _entry(ending, wilson_interval(int(flags.sum()), len(flags)))
+    for name, samples in SAMPLES.items():
+        summary |= _entry(name, bootstrap_mean(samples(episodes)))
+    return summary | {key: _defined(value) for key, value in training.items()}
+
+
+def compare_paired(first: Episodes, second: Episodes) -> dict[str, Interval]:
+    """Metric by metric, first minus second on the tasks both drove, with paired 95 % bootstrap intervals.
+
+    Metrics over successes use the tasks that both solved, so that neither gains by failing the long ones.
+    """
+    tasks = on_common_tasks([first, second])
+    solved = solved_by_all([first, second])
+    differences = {
+        ending: paired_difference(*(getattr(episodes, ending).astype(float) for episodes in tasks))
+        for ending in RATES
+    }
+    for name, samples in SAMPLES.items():
+        pair = solved if name in OVER_SUCCESSES else tasks
+        differences[name] = paired_difference(*(samples(episodes) for episodes in pair))
+    return differences
+
+
+def write_episodes(path: str | os.PathLike[str], episodes: Episodes) -> None:
+    """Write one row an episode as Parquet, atomically."""
+    files.write_parquet(path, episodes.to_table())
+
+
+def read_episodes(path: str | os.PathLike[str]) -> Episodes:
+    """Read what write_episodes wrote. Raises CheckpointError naming the file: missing or malformed."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        # One file, never a folder of them: pyarrow would take a folder as a dataset.
+        with open(path, "rb") as stream:
+            return Episodes.from_table(pq.read_table(pa.py_buffer(stream.read())))
+    except FileNotFoundError:
+        raise CheckpointError(f"{path}: no such file; run adrl evaluate with --out first") from None
+    except (pa.ArrowException, OSError) as error:
+        raise CheckpointError(f"{path}: not a readable Parquet file ({error}); evaluate again") from error
+    except CheckpointError as error:
+        raise CheckpointError(f"{path}: {error}") from error
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Column:
+    """A column of the comparison table: value * scale, with so many decimals."""
+
+    metric: str
+    heading: str
+    scale: float = 1.0
+    decimals: int
+
+
+_COLUMNS = (
+    _Column(metric="success", heading="success\n%", scale=100.0, decimals=1),
+    _Column(metric="collision", heading="collision\n%", scale=100.0, decimals=1),
+    _Column(metric="timeout", heading="timeout\n%", scale=100.0, decimals=1),
+    _Column(metric="distance_m", heading="Av.D\nm", decimals=1),
+    _Column(metric="time_s", heading="Av.T\ns", decimals=1),
+    _Column(metric="optimality", heading="optimality\n", decimals=2),
+    _Column(metric="spl", heading="SPL\n", decimals=2),
+)
+_CONTEXT = ("scenario", "robot", "guidance", "split", "episodes")
+
+
+def comparison_table(summaries: Sequence[Mapping[str, Any]]) -> "Table":
+    """A rich table, one row a policy: each estimate above its 95 % interval. Fits 80 columns.
+
+    What all summaries share stands in the title; what differs stands below the policy's name.
+    """
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    shared = [key for key in _CONTEXT if len({summary[key] for summary in summaries}) == 1]
+    title = ", ".join(f"{key} {summaries[0][key]}" for key in shared)
+    table = Table(
+        title=Text(title),
+        title_justify="left",
+        caption=Text("below each estimate its 95 % interval; Av.D, Av.T and optimality over successes"),
+        caption_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        padding=0,
+        pad_edge=False,
+    )
+    table.add_column("policy\n", overflow="fold", min_width=10)
+    for column in _COLUMNS:
+        table.add_column(column.heading, justify="right", no_wrap=True)
+    for summary in summaries:
+        differing = [f"{key} {summary[key]}" for key in _CONTEXT if key not in shared]
+        label = Text(str(summary["policy"]))
+        label.append("".join(f"\n{line}" for line in differing), style="dim")
+        table.add_row(label, *(_cell(summary, column) for column in _COLUMNS))
+    return table
+
+
+def _cell(summary: Mapping[str, Any], column: _Column) -> Any:
+    from rich.text import Text
+
+    def number(value: float) -> str:
+        return f"{value * column.scale:.{column.decimals}f}"
+
+    estimate, low, high = (summary[column.metric + suffix] for suffix in ("", "_low", "_high"))
+    text = Text("-" if estimate is None else number(estimate))
+    if low is not None and high is not None:
+        text.append(f"\n{number(low)}-{number(high)}", style="dim")
+    return text
+
+
+def _entry(name: str, interval: Interval) -> Summary:
+    values = zip(("", "_low", "_high"), interval, strict=True)
+    return {name + suffix: _defined(value) for suffix, value in values}
+
+
+def _defined(value: float | None) -> float | None:
+    """None for NaN and infinity, which JSON does not have."""
+    return None if value is None or not math.isfinite(value) else value

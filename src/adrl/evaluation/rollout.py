@@ -1,0 +1,140 @@
+"""Runs a policy on fixed tasks, all robots stepped in one batch, one task a robot."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.envs import NOMINAL, NavSim, Randomization
+from adrl.errors import TaskError
+from adrl.evaluation.metrics import Episodes
+from adrl.observation import EncoderConfig
+from adrl.types import Array, Policy, RobotConfig, Task
+
+F32 = NDArray[np.float32]
+
+CHUNK = 1000
+"""Robots stepped at once: bounds the memory of a long evaluation."""
+
+
+class PrivilegedPolicy(Protocol):
+    """A policy that may look behind the sensors, as a planner that knows the map does."""
+
+    def act_in(self, sim: NavSim) -> F32:
+        """(N, 2) actions in the simulator's current state."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rollout:
+    """Episodes and, where asked for, the routes driven."""
+
+    episodes: Episodes
+    routes: list[Array]
+    """One (T, 2) array of positions for each of the recorded tasks."""
+
+
+def rollout(
+    policy: Policy | PrivilegedPolicy,
+    tasks: Sequence[Task],
+    robot: RobotConfig,
+    *,
+    guidance: str = "goal",
+    encoder: EncoderConfig | None = None,
+    randomization: Randomization = NOMINAL,
+    seed: int = 0,
+    num_threads: int = 0,
+    record: int = 0,
+    first_task: int = 0,
+    on_step: Callable[[int, int], None] | None = None,
+) -> Rollout:
+    """Drive every task once.
+
+    seed: of the sensors' noise and of odometry drift, nothing else; every policy meets the same. record: number of
+    tasks, from the first, whose routes are kept. first_task: number of tasks[0] in its split. on_step(ended, total)
+    is told the progress. Raises TaskError for no tasks.
+    """
+    if not tasks:
+        raise TaskError("no tasks to evaluate on; ask for one episode or more")
+    parts, routes, done = [], [], 0
+    for first in range(0, len(tasks), CHUNK):
+        chunk = tasks[first : first + CHUNK]
+        sim = NavSim(
+            len(chunk),
+            robot,
+            guidance=guidance,
+            randomization=randomization,
+            encoder=encoder,
+            num_threads=num_threads,
+        )
+        numbers = first_task + first + np.arange(len(chunk))
+        rng = np.random.default_rng((seed, first_task + first))
+        # The noise of a task depends on the evaluation's seed and the task's number alone.
+        seeds = np.array([np.random.SeedSequence((seed, int(n))).generate_state(1, np.uint64)[0] for n in numbers])
+        sim.reset(np.arange(len(chunk)), chunk, seeds, rng)
+        keep = max(0, min(record - first, len(chunk)))
+
+        def progress(ended: int, before: int = done) -> None:
+            if on_step is not None:
+                on_step(before + ended, len(tasks))
+
+        part, kept = _drive(policy, sim, numbers, keep, progress)
+        parts.append(part)
+        routes += kept
+        done += len(chunk)
+    return Rollout(episodes=_concatenate(parts), routes=routes)
+
+
+def _drive(
+    policy: Policy | PrivilegedPolicy,
+    sim: NavSim,
+    numbers: NDArray[np.int64],
+    keep: int,
+    progress: Callable[[int], None],
+) -> tuple[dict[str, NDArray[np.generic]], list[Array]]:
+    n = sim.num_envs
+    tasks = [task for task in sim.tasks if task is not None]
+    ending = np.zeros((3, n), dtype=bool)
+    least_clearance = sim.b["least_clearance"].copy()
+    turned = np.zeros(n)
+    steps = np.zeros(n)
+    trace = [sim.b["pose"][:keep, :2].copy()]
+    # A start within the goal's tolerance has arrived, a start in contact has hit: neither is driven.
+    ending[0], ending[1] = sim.b["reached"], sim.b["collided"] & ~sim.b["reached"].astype(bool)
+    sim.b["active"][:] = ~ending.any(axis=0)
+    while sim.b["active"].any():
+        active = sim.b["active"].astype(bool)
+        before = sim.b["twist"][:, 1].copy()
+        actions = policy.act_in(sim) if hasattr(policy, "act_in") else policy.act(sim.observe())  # pyright: ignore
+        outcome = sim.step(actions)
+        turned[active] += np.abs(sim.b["twist"][active, 1] - before[active])
+        steps[active] += 1
+        least_clearance[active] = np.minimum(least_clearance, sim.b["least_clearance"])[active]
+        ending |= np.stack([outcome.reached, outcome.collided, outcome.timed_out]) & active
+        sim.b["active"][ending.any(axis=0)] = 0
+        trace.append(sim.b["pose"][:keep, :2].copy())
+        progress(int(ending.any(axis=0).sum()))
+    distance, time_s = sim.b["travelled"].copy(), sim.b["time"].copy()
+    columns = {
+        "task": numbers,
+        "success": ending[0],
+        "collision": ending[1],
+        "timeout": ending[2],
+        "distance_m": distance,
+        "time_s": time_s,
+        "shortest_m": np.array([task.shortest_m for task in tasks]),
+        "least_clearance_m": least_clearance,
+        "mean_speed_mps": distance / np.maximum(time_s, 1e-9),
+        "smoothness": turned / np.maximum(steps - 1.0, 1.0) / sim.robot.control_period_s,
+        "start_xy_m": np.array([task.start[:2] for task in tasks]),
+        "goal_xy_m": np.array([task.goal for task in tasks]),
+        "final_pose": sim.b["pose"].copy(),
+    }
+    path = np.stack(trace)  # (T, keep, 2)
+    return columns, [path[: int(steps[i]) + 1, i] for i in range(keep)]
+
+
+def _concatenate(parts: list[dict[str, NDArray[np.generic]]]) -> Episodes:
+    return Episodes(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})  # pyright: ignore

@@ -1,0 +1,77 @@
+"""Writing files so that a reader sees the old content or the new one, never a part of either."""
+
+import json
+import os
+import stat
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from uuid import uuid4
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+def atomic_write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
+    """Write data to path at once: a temporary name in the same folder, fsync, rename.
+
+    Missing folders are made. A symbolic link keeps pointing where it did and its target is replaced. A path
+    that is not a regular file, such as /dev/stdout, is written to directly. Raises OSError; path is then
+    untouched.
+    """
+    target = Path(os.path.realpath(path))
+    if _is_special(path):
+        with open(path, "wb") as stream:
+            stream.write(data)
+        return
+    target.parent.mkdir(parents=True, exist_ok=True)
+    temporary = target.with_name(f".{target.name[:200]}.{uuid4().hex}.tmp")
+    try:
+        # 0o666 less the umask, as for any new file; "x" so that no other writer's file is taken.
+        with open(temporary, "xb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, target)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+    _sync_folder(target.parent)
+
+
+def atomic_write_text(path: str | os.PathLike[str], text: str) -> None:
+    """Write text as UTF-8 with the guarantees of atomic_write_bytes."""
+    atomic_write_bytes(path, text.encode("utf-8"))
+
+
+def write_json(path: str | os.PathLike[str], content: Mapping[str, Any]) -> None:
+    """Write strict JSON, keys in the order given. Raises ValueError on NaN or infinity: JSON has none."""
+    atomic_write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+
+
+def write_parquet(path: str | os.PathLike[str], table: "pa.Table") -> None:
+    """Write an Arrow table as Parquet."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink)
+    atomic_write_bytes(path, sink.getvalue().to_pybytes())
+
+
+def _is_special(path: str | os.PathLike[str]) -> bool:
+    """Whether path exists and is a device, pipe or socket."""
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        return False
+    return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make the rename itself last through a power cut."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,1 @@
+"""Imitation: demonstrations, the probe and the schedule that releases the expert."""

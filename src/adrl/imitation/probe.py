@@ -1,0 +1,123 @@
+"""The probe: fixed start states, and what a random policy and the expert earn from them (Q_min, Q_max of eq 13)."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.imitation.schedule import Bounds
+from adrl.rewards import RewardConfig, reward
+
+F32 = NDArray[np.float32]
+
+
+class ProbeEnv(Protocol):
+    """What a vector environment must offer to be probed; NavVectorEnv does."""
+
+    num_envs: int
+
+    def reset(self, *, seed: int | None = None) -> tuple[F32, dict[str, Any]]:
+        """Start new episodes in every row."""
+        ...
+
+    def step(self, actions: F32) -> tuple[F32, F32, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Gymnasium's vector step with reward_terms and features in info."""
+        ...
+
+    def expert_actions(self) -> F32:
+        """(N, 2) the expert's actions in the current states."""
+        ...
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """All that changes."""
+        ...
+
+    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from what state() returned."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Rollouts:
+    """One episode a row, or its first T steps. Rewards are formed from this under any weights."""
+
+    terms: F32
+    """(T, P, R) reward terms."""
+    features: F32
+    """(T, P, F) features of the states in which the actions were taken."""
+    alive: NDArray[np.bool_]
+    """(T, P) whether the step belongs to the row's first episode."""
+
+    def value(self, maturity: float, gamma: float, config: RewardConfig) -> float:
+        """Mean over the rows of the discounted return under the weights of S = maturity."""
+        discount = gamma ** np.arange(len(self.alive))
+        rewards = reward(self.terms, self.features, maturity, config) * self.alive  # (T, P)
+        return float((discount @ rewards).mean())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Probe:
+    """Start states and the two policies' episodes from them."""
+
+    observation: F32
+    """(P, D) observations of the start states."""
+    random: Rollouts
+    expert: Rollouts
+
+    def bounds(self, maturity: float, gamma: float, config: RewardConfig) -> Bounds:
+        """Q_min and Q_max of eq 13 under the weights of S = maturity."""
+        return Bounds(self.random.value(maturity, gamma, config), self.expert.value(maturity, gamma, config))
+
+
+class BoundsTable:
+    """Bounds on a grid of S, so that a training step only interpolates."""
+
+    def __init__(self, probe: Probe, gamma: float, config: RewardConfig, points: int = 21) -> None:
+        self._grid = np.linspace(0.0, 1.0, points)
+        bounds = [probe.bounds(s, gamma, config) for s in self._grid]
+        self._low, self._high = np.array(bounds).T
+
+    def at(self, maturity: float) -> Bounds:
+        """Bounds at S = maturity."""
+        low = np.interp(maturity, self._grid, self._low)
+        high = np.interp(maturity, self._grid, self._high)
+        return Bounds(float(low), float(high))
+
+
+def record_probe(env: ProbeEnv, seed: int, max_steps: int = 600) -> Probe:
+    """Run a random policy and the expert from the same num_envs starts, at most max_steps each.
+
+    0.99^600 = 0.2 %: what later steps would add to a discounted return is below the probe's noise. A random action
+    is held for ten steps: drawn anew each step it would average out to standing still.
+    """
+    observation, _ = env.reset(seed=seed)
+    observation = np.array(observation, dtype=np.float32)
+    start = env.state()
+    rng = np.random.Generator(np.random.PCG64(seed))
+    held = np.zeros((env.num_envs, 2), dtype=np.float32)
+
+    def random_actions(step: int) -> F32:
+        if step % 10 == 0:
+            held[:] = rng.uniform(-1.0, 1.0, size=held.shape)
+        return held
+
+    random = _record(env, random_actions, max_steps)
+    env.set_state(start)
+    expert = _record(env, lambda step: env.expert_actions(), max_steps)
+    return Probe(observation=observation, random=random, expert=expert)
+
+
+def _record(env: ProbeEnv, act: Callable[[int], F32], max_steps: int) -> Rollouts:
+    alive = np.ones(env.num_envs, dtype=bool)
+    terms, features, mask = [], [], []
+    for step in range(max_steps):
+        _, _, terminated, truncated, info = env.step(act(step))
+        terms.append(np.array(info["reward_terms"], dtype=np.float32))
+        features.append(np.array(info["features"], dtype=np.float32))
+        mask.append(alive.copy())
+        alive &= ~(terminated | truncated)
+        if not alive.any():
+            break
+    return Rollouts(terms=np.stack(terms), features=np.stack(features), alive=np.stack(mask))

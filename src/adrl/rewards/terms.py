@@ -1,0 +1,107 @@
+"""The six sub-rewards, eqs 7 to 12, corrected forms. A term is a function and one line in REWARD_TERMS."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.rewards.config import RewardConfig
+
+Array = NDArray[np.floating]
+Mask = NDArray[np.bool_]
+
+OBSTACLE_PENALTY = 5.0  # eq 11
+STAGNATION_PENALTY = 3.0  # eq 12
+YAW_RATE_COST = 0.8  # eq 9
+HEADING_GAIN_M = 0.25  # eq 10: 0.5 / 2.0, metres of progress that facing the goal is worth
+HEADING_DECAY = 2.0  # eq 10, 1/rad
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """What one control period did to N robots. Arrays are (N,); distances are to the goal given to the policy.
+
+    Both distances and both heading errors of a step are measured to the same goal point, also when guidance moves
+    the point after the step: only then do the differences of eq 10 add up along a path.
+    """
+
+    reached: Mask
+    """The robot is within the goal tolerance."""
+    collided: Mask
+    """The footprint touches an obstacle."""
+    speed_mps: Array
+    """Executed forward speed at the end of the step."""
+    yaw_rate_radps: Array
+    """Executed yaw rate at the end of the step."""
+    distance_m: Array
+    previous_distance_m: Array
+    heading_error_rad: Array
+    """Signed angle from the heading to the goal, in (-pi, pi]."""
+    previous_heading_error_rad: Array
+    clearance_m: Array
+    """From the footprint's edge to the nearest obstacle."""
+    mean_displacement_m: Array
+    """Mean length of the last five steps."""
+    max_speed_mps: float
+    max_yaw_rate_radps: float
+    dt_s: float
+
+    @property
+    def max_step_m(self) -> float:
+        """v_max dt, the longest step the robot can make."""
+        return self.max_speed_mps * self.dt_s
+
+
+def success(step: Step, config: RewardConfig) -> Array:  # (N,)
+    """r_su = 200 on arrival (eq 7)."""
+    return config.success_reward * step.reached
+
+
+def failure(step: Step, config: RewardConfig) -> Array:  # (N,)
+    """r_f = -200 on collision (eq 8). A timeout costs nothing: time is not observed, so it truncates instead."""
+    return -config.failure_penalty * step.collided
+
+
+def motion(step: Step, config: RewardConfig) -> Array:  # (N,)
+    """r_v = v/v_max - 0.8 |w|/w_max - 1 (eq 9 minus 1), at most 0: every second costs, so no circle pays."""
+    speed = np.clip(step.speed_mps / step.max_speed_mps, -1.0, 1.0)
+    yaw_rate = np.clip(np.abs(step.yaw_rate_radps) / step.max_yaw_rate_radps, 0.0, 1.0)
+    return speed - YAW_RATE_COST * yaw_rate - 1.0
+
+
+def approach(step: Step, config: RewardConfig) -> Array:  # (N,)
+    """r_d = (d(t-1) - d(t) + 1/4 exp(-2 |h(t)|) - 1/4 exp(-2 |h(t-1)|)) / (v_max dt) (eq 10), h the heading error.
+
+    The heading part is the integral over the step of eq 10's 0.5 exp(-2 |h|) times the decrease of |h|. Taken at the
+    step's end instead, turning to the goal and back pays 0.0194 m for each 0.15 rad; the integral pays nothing.
+    """
+    progress = step.previous_distance_m - step.distance_m
+    facing = np.exp(-HEADING_DECAY * np.abs(step.heading_error_rad))
+    previously = np.exp(-HEADING_DECAY * np.abs(step.previous_heading_error_rad))
+    return (progress + HEADING_GAIN_M * (facing - previously)) / step.max_step_m
+
+
+def obstacle(step: Step, config: RewardConfig) -> Array:  # (N,)
+    """r_o = -5 clip((c_safe - c) / c_safe, 0, 1) for a clearance c (eq 11; c = d_ob - d_r, c_safe = d_safe - d_r)."""
+    return -OBSTACLE_PENALTY * np.clip(1.0 - step.clearance_m / config.safe_clearance_m, 0.0, 1.0)
+
+
+def stagnation(step: Step, config: RewardConfig) -> Array:  # (N,)
+    """r_s = -3 where the mean of the last five displacements is below d_m (eq 12)."""
+    return -STAGNATION_PENALTY * (step.mean_displacement_m < config.stagnation_fraction * step.max_step_m)
+
+
+REWARD_TERMS: dict[str, Callable[[Step, RewardConfig], Array]] = {
+    "success": success,
+    "failure": failure,
+    "motion": motion,
+    "approach": approach,
+    "obstacle": obstacle,
+    "stagnation": stagnation,
+}
+
+
+def terms(step: Step, config: RewardConfig) -> NDArray[np.float32]:
+    """(N, R) sub-rewards of a step, columns in the order of REWARD_TERMS."""
+    return np.stack([term(step, config) for term in REWARD_TERMS.values()], axis=-1).astype(np.float32)

@@ -1,0 +1,297 @@
+"""Shared value types: robots, worlds, tasks, policies. SI units, radians, frames as in ROS REP 103."""
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl import _core
+from adrl.errors import ConfigError
+
+Array = NDArray[np.float64]
+Guidance = str
+"""One of GUIDANCE."""
+
+GUIDANCE = ("goal", "map")
+SPLITS = ("train", "validation", "test")
+
+
+def _require(ok: bool, message: str) -> None:
+    if not ok:
+        raise ConfigError(message)
+
+
+def _finite(owner: object, *names: str) -> None:
+    for name in names:
+        value = getattr(owner, name)
+        _require(math.isfinite(value), f"{type(owner).__name__}.{name} is {value}; give a finite number")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LidarConfig:
+    """A planar LiDAR fixed to the robot. Beam i points at angle_min_rad + i * angle_increment_rad."""
+
+    num_beams: int = 180
+    """Beams a scan, spread evenly over the field of view; 1 to 2048."""
+    fov_rad: float = 2.0 * math.pi
+    """Field of view, centred on the mount's heading; a full circle does not repeat its first beam."""
+    max_range_m: float = 6.0
+    """Range reported when nothing is hit."""
+    noise_std_m: float = 0.01
+    """Standard deviation of the range noise."""
+    dropout_probability: float = 0.0
+    """Chance that a beam reports max_range_m whatever it hit."""
+    mount_x_m: float = 0.0
+    mount_y_m: float = 0.0
+    mount_yaw_rad: float = 0.0
+    """Pose of the sensor in the robot's frame."""
+
+    def __post_init__(self) -> None:
+        _require(1 <= self.num_beams <= 2048, f"lidar.num_beams is {self.num_beams}; give 1 to 2048")
+        _finite(self, "fov_rad", "max_range_m", "noise_std_m", "mount_x_m", "mount_y_m", "mount_yaw_rad")
+        _require(0.0 < self.fov_rad <= 2.0 * math.pi + 1e-9, f"lidar.fov_rad is {self.fov_rad}; give (0, 2 pi]")
+        _require(self.max_range_m > 0.0, f"lidar.max_range_m is {self.max_range_m}; give a positive range")
+        _require(self.noise_std_m >= 0.0, f"lidar.noise_std_m is {self.noise_std_m}; give 0 or more")
+        _require(
+            0.0 <= self.dropout_probability < 1.0,
+            f"lidar.dropout_probability is {self.dropout_probability}; give [0, 1)",
+        )
+
+    @property
+    def angle_increment_rad(self) -> float:
+        """Angle between neighbouring beams."""
+        if self.num_beams == 1:
+            return 0.0
+        full_circle = self.fov_rad >= 2.0 * math.pi - 1e-9
+        return self.fov_rad / (self.num_beams if full_circle else self.num_beams - 1)
+
+    @property
+    def angle_min_rad(self) -> float:
+        """Angle of beam 0 in the sensor's frame."""
+        return -0.5 * self.fov_rad if self.num_beams > 1 else 0.0
+
+    @property
+    def angles_rad(self) -> Array:
+        """(K,) angles of the beams in the sensor's frame."""
+        return self.angle_min_rad + self.angle_increment_rad * np.arange(self.num_beams, dtype=np.float64)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotConfig:
+    """A differential-drive robot with a LiDAR. Give radius_m (a disc) or footprint_m (a convex polygon)."""
+
+    name: str = "diffbot"
+    radius_m: float | None = 0.2
+    """Radius of a disc footprint, or None when footprint_m is given."""
+    footprint_m: tuple[tuple[float, float], ...] | None = None
+    """Corners (x, y) of a convex polygon footprint, counter-clockwise, in the robot's frame."""
+    max_speed_mps: float = 0.6
+    min_speed_mps: float = 0.0
+    """Most negative forward speed: 0 drives forward only, below 0 both ways."""
+    max_yaw_rate_radps: float = 1.5
+    max_acceleration_mps2: float = 2.0
+    max_yaw_acceleration_radps2: float = 6.0
+    lag_s: float = 0.05
+    """Time constant of the first-order lag between commanded and executed twist; 0 for none."""
+    latency_s: float = 0.0
+    """Age of a command when the base starts to act on it."""
+    odometry_drift: float = 0.0
+    """Standard deviation of the relative error of the wheel odometry, drawn once an episode for v and w."""
+    control_period_s: float = 0.1
+    lidar: LidarConfig = field(default_factory=LidarConfig)
+
+    def __post_init__(self) -> None:
+        _require(
+            (self.radius_m is None) != (self.footprint_m is None),
+            f"robot {self.name!r}: give either radius_m or footprint_m, not both and not neither",
+        )
+        _finite(
+            self,
+            "max_speed_mps",
+            "min_speed_mps",
+            "max_yaw_rate_radps",
+            "max_acceleration_mps2",
+            "max_yaw_acceleration_radps2",
+            "lag_s",
+            "latency_s",
+            "odometry_drift",
+            "control_period_s",
+        )
+        for name in (
+            "max_speed_mps",
+            "max_yaw_rate_radps",
+            "max_acceleration_mps2",
+            "max_yaw_acceleration_radps2",
+            "control_period_s",
+        ):
+            _require(
+                getattr(self, name) > 0.0,
+                f"robot {self.name!r}: {name} is {getattr(self, name)}; give a positive number",
+            )
+        for name in ("lag_s", "latency_s", "odometry_drift"):
+            _require(
+                getattr(self, name) >= 0.0, f"robot {self.name!r}: {name} is {getattr(self, name)}; give 0 or more"
+            )
+        _require(self.min_speed_mps <= 0.0, f"robot {self.name!r}: min_speed_mps is {self.min_speed_mps}; give <= 0")
+        longest = (_core.MAX_LATENCY_PERIODS - 1) * self.control_period_s
+        _require(
+            self.latency_s <= longest,
+            f"robot {self.name!r}: latency_s is {self.latency_s}; give at most {longest:.2g} s, "
+            f"{_core.MAX_LATENCY_PERIODS - 1} control periods",
+        )
+        if self.radius_m is not None:
+            _finite(self, "radius_m")
+            _require(self.radius_m > 0.0, f"robot {self.name!r}: radius_m is {self.radius_m}; give a positive radius")
+        else:
+            _check_convex_ccw(self.name, self.polygon)
+
+    @property
+    def polygon(self) -> Array:
+        """(V, 2) corners of the footprint; (0, 2) for a disc."""
+        return np.asarray(self.footprint_m or np.empty((0, 2)), dtype=np.float64).reshape(-1, 2)
+
+    @cached_property
+    def native(self) -> "_core.Robot":
+        """The same robot, laid out for the simulator."""
+        lidar = self.lidar
+        return _core.Robot(
+            self.radius_m or 0.0,
+            self.polygon,
+            (self.max_speed_mps, self.min_speed_mps, self.max_yaw_rate_radps),
+            lidar.num_beams,
+            lidar.angle_min_rad,
+            lidar.angle_increment_rad,
+            (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad),
+            lidar.max_range_m,
+            self.control_period_s,
+        )
+
+    @property
+    def circumscribed_radius_m(self) -> float:
+        """Radius of the smallest disc about the robot's origin that holds the footprint."""
+        return self.radius_m if self.radius_m is not None else float(np.linalg.norm(self.polygon, axis=1).max())
+
+
+def _check_convex_ccw(name: str, corners: Array) -> None:
+    _require(
+        len(corners) >= 3 and bool(np.isfinite(corners).all()),
+        f"robot {name!r}: footprint_m needs three or more finite corners",
+    )
+    edges = np.roll(corners, -1, axis=0) - corners
+    following = np.roll(edges, -1, axis=0)
+    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    _require(
+        bool((turns > 0.0).all()),
+        f"robot {name!r}: footprint_m is not a convex polygon with its corners counter-clockwise",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class OccupancyGrid:
+    """A bitmap of solid cells. Row-major [y, x]; cell (0, 0) has its lower left corner at the origin."""
+
+    solid: NDArray[np.uint8]
+    """(H, W) 1 where the cell is solid: occupied or unknown."""
+    resolution_m: float
+    """Side of a cell."""
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """(x, y, yaw) of the lower left corner of cell (0, 0) in the world."""
+    observed_free: NDArray[np.bool_] | None = None
+    """(H, W) cells surely seen free; tasks start and end there. None: every cell that is not solid."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class World:
+    """What exists: the LiDAR sees and the footprint hits this very geometry."""
+
+    bounds: tuple[float, float, float, float]
+    """(x_min, y_min, x_max, y_max) of the area where tasks are drawn and planned. Not a wall by itself."""
+    circles: Array = field(default_factory=lambda: np.empty((0, 3)))
+    """(C, 3) x, y, radius."""
+    polygons: tuple[Array, ...] = ()
+    """Convex polygons, each (V, 2), corners counter-clockwise."""
+    segments: Array = field(default_factory=lambda: np.empty((0, 4)))
+    """(S, 4) x1, y1, x2, y2: walls without thickness."""
+    discs: Array = field(default_factory=lambda: np.empty((0, 8)))
+    """(M, 8) moving discs: x1, y1, x2, y2, radius, speed_mps, phase, stop_s. A disc runs to and fro between
+    its two ends; phase in [0, 1) is where in the round trip it is at time 0; it stands still after stop_s
+    seconds."""
+    grid: OccupancyGrid | None = None
+
+    def __post_init__(self) -> None:
+        for name, width in (("circles", 3), ("segments", 4), ("discs", 8)):
+            array = np.ascontiguousarray(getattr(self, name), dtype=np.float64).reshape(-1, width)
+            # A disc may never stop: stop_s is the one number that may be infinite.
+            checked = array[:, :7] if name == "discs" else array
+            _require(bool(np.isfinite(checked).all()), f"world.{name} holds a number that is not finite")
+            object.__setattr__(self, name, array)
+        for corners in self.polygons:
+            _check_convex_ccw("world polygon", corners)
+        x_min, y_min, x_max, y_max = self.bounds
+        _require(x_min < x_max and y_min < y_max, f"world.bounds {self.bounds} is empty")
+
+    @cached_property
+    def native(self) -> "_core.World":
+        """The same geometry, laid out for the kernels."""
+        corners = np.concatenate([*self.polygons, np.empty((0, 2))])
+        sizes = [len(p) for p in self.polygons]
+        offsets = np.concatenate([[0], np.cumsum(sizes, dtype=np.int64)]).astype(np.int32)
+        grid = self.grid
+        return _core.World(
+            self.circles,
+            np.ascontiguousarray(corners, dtype=np.float64),
+            offsets,
+            self.segments,
+            self.discs,
+            np.ascontiguousarray(grid.solid if grid else np.empty((0, 0)), dtype=np.uint8),
+            grid.resolution_m if grid else 1.0,
+            grid.origin if grid else (0.0, 0.0, 0.0),
+        )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Task:
+    """One episode: a world, where the robot starts and where it must go."""
+
+    world: World
+    start: tuple[float, float, float]
+    """(x, y, yaw)."""
+    goal: tuple[float, float]
+    path: Array
+    """(P, 2) shortened A* path for this robot, start and goal included."""
+    shortest_m: float
+    """Length of the shortest feasible path of the inflated footprint: the reference of optimality and SPL."""
+    time_limit_s: float
+    goal_tolerance_m: float = 0.3
+
+    @cached_property
+    def native(self) -> "_core.Task":
+        """The same task, laid out for the simulator."""
+        path = np.ascontiguousarray(self.path, dtype=np.float64)
+        return _core.Task(self.world.native, self.start, self.goal, self.goal_tolerance_m, path)
+
+
+@runtime_checkable
+class Scenario(Protocol):
+    """A family of worlds. Register in adrl.worlds.SCENARIOS or pass the object itself."""
+
+    @property
+    def name(self) -> str:
+        """What it is called; its tasks are seeded by it."""
+        ...
+
+    def task(self, rng: np.random.Generator, robot: RobotConfig) -> Task:
+        """Draw a world and a solvable start and goal for this robot."""
+        ...
+
+
+@runtime_checkable
+class Policy(Protocol):
+    """Maps observations to normalised actions."""
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(N, D) observations -> (N, 2) actions in [-1, 1]: speed, yaw rate."""
+        ...

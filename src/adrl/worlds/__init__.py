@@ -1,0 +1,48 @@
+"""Robots, scenarios, maps and Gazebo worlds.
+
+A scenario draws tasks: SCENARIOS holds those that make a new world for every task, MapScenario and
+SdfScenario work in a given one. task_set() gives the fixed tasks of a split.
+"""
+
+from adrl.errors import ConfigError
+from adrl.types import Scenario
+from adrl.worlds.clutter import Clutter
+from adrl.worlds.complex import Complex
+from adrl.worlds.dynamic import Dynamic
+from adrl.worlds.map_scenario import MapScenario
+from adrl.worlds.registry import look_up
+from adrl.worlds.robots import ROBOTS, load_robot
+from adrl.worlds.ros_map import load_map
+from adrl.worlds.sdf import load_sdf
+from adrl.worlds.sdf_scenario import SdfScenario
+from adrl.worlds.tasks import single_task, task_set
+
+SCENARIOS: dict[str, Scenario] = {
+    "clutter": Clutter(),
+    "complex": Complex(),
+    "dynamic": Dynamic(),
+}
+
+__all__ = [
+    "ROBOTS",
+    "SCENARIOS",
+    "MapScenario",
+    "SdfScenario",
+    "get_scenario",
+    "load_map",
+    "load_robot",
+    "load_sdf",
+    "single_task",
+    "task_set",
+]
+
+
+def get_scenario(scenario: str | Scenario) -> Scenario:
+    """A scenario by name (SCENARIOS, or an entry point of group "adrl.scenarios"), or the object itself.
+
+    Raises UnknownName, and ConfigError for an object without name and task(rng, robot).
+    """
+    found = look_up("scenario", scenario, SCENARIOS) if isinstance(scenario, str) else scenario
+    if not (isinstance(getattr(found, "name", None), str) and callable(getattr(found, "task", None))):
+        raise ConfigError(f"scenario {scenario!r} has no name and task(rng, robot); see adrl.types.Scenario")
+    return found

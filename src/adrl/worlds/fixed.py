@@ -1,0 +1,50 @@
+"""Scenarios in one given world: only start and goal are drawn."""
+
+import numpy as np
+
+from adrl.errors import TaskError
+from adrl.planning.grid import clearance_limit_m, free_space, planning_grid
+from adrl.types import RobotConfig, Task, World
+from adrl.worlds.tasks import GOAL_TOLERANCE_M, TaskSpace, draw_task, extents_m, task_space
+
+PATH_M = (5.0, 30.0)
+"""Least and greatest length of the shortest path, where the world allows."""
+
+
+class FixedWorld:
+    """Tasks in one world, which all of them share."""
+
+    def __init__(self, name: str, world: World) -> None:
+        self.name = name
+        self.world = world
+        # Clearances and regions are the dear part of a task; what matters of a robot is its radius.
+        self._prepared: dict[float, tuple[TaskSpace, tuple[float, float]]] = {}
+
+    def task(self, rng: np.random.Generator, robot: RobotConfig) -> Task:
+        """Draw start and goal with 5 to 30 m of path between them; in a small world with what it allows.
+
+        Raises TaskError where the robot has no room.
+        """
+        key = robot.circumscribed_radius_m
+        if key not in self._prepared:
+            self._prepared[key] = self._prepare(robot)
+        tasks, path_range_m = self._prepared[key]
+        try:
+            return draw_task(self.world, tasks, rng, robot, path_range_m=path_range_m, tries=200)
+        except TaskError as error:
+            raise TaskError(f"{self.name}: {error}") from None
+
+    def _prepare(self, robot: RobotConfig) -> tuple[TaskSpace, tuple[float, float]]:
+        """The task space and the range of path lengths it allows."""
+        space = free_space(planning_grid(self.world, clearance_limit_m(robot)), robot)
+        regions = task_space(space).regions
+        widest = float(extents_m(space, regions).max(initial=0.0))
+        # A path is never shorter than the straight way, so half the widest extent is a length that exists.
+        shortest = min(PATH_M[0], 0.5 * widest)
+        if shortest < 2.0 * GOAL_TOLERANCE_M:
+            raise TaskError(
+                f"{self.name}: the widest region with the {space.inflation_m:.2f} m of clearance that robot "
+                f"{robot.name!r} needs spans {widest:.2f} m; take a smaller robot or another world"
+            )
+        # Few paths are longer than twice the widest extent; asking for more only wastes tries.
+        return task_space(space, smallest_extent_m=shortest), (shortest, min(PATH_M[1], 2.0 * widest))

@@ -1,0 +1,14 @@
+"""map: tasks on a map of ROS map_server."""
+
+import os
+from pathlib import Path
+
+from adrl.worlds.fixed import FixedWorld
+from adrl.worlds.ros_map import load_map
+
+
+class MapScenario(FixedWorld):
+    """Start and goal on cells the map shows free. Raises MapError when the map cannot be read."""
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        super().__init__(f"map:{Path(path).stem}", load_map(path))

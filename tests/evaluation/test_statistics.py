@@ -1,0 +1,322 @@
+"""Laws of the intervals: exact where they can be, by seeded simulation where they cannot."""
+
+import math
+
+import numpy as np
+import pytest
+import scipy.stats
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from adrl.evaluation.statistics import (
+    Interval,
+    bootstrap_mean,
+    interquartile_mean,
+    paired_difference,
+    probability_of_improvement,
+    seed_iqm,
+    seed_mean,
+    wilson_interval,
+)
+
+FEW = 400
+"""Resamples where a law holds for any number of them."""
+NUMBERS = st.floats(-1e3, 1e3).map(lambda value: round(value, 6))
+CONFIDENCES = st.sampled_from([0.5, 0.9, 0.95, 0.99])
+
+
+def samples(low: int = 2, high: int = 30):
+    return hnp.arrays(np.float64, st.integers(low, high), elements=NUMBERS)
+
+
+def scores(seeds=(2, 12), scenarios=(1, 4)):
+    return hnp.arrays(np.float64, st.tuples(st.integers(*seeds), st.integers(*scenarios)), elements=NUMBERS)
+
+
+@st.composite
+def counts(draw, most=2000):
+    trials = draw(st.integers(1, most))
+    return draw(st.integers(0, trials)), trials
+
+
+def width(interval: Interval) -> float:
+    return interval.high - interval.low
+
+
+# --- Wilson ---------------------------------------------------------------------------------------
+
+
+@given(counts(), CONFIDENCES)
+def test_wilson_lies_in_0_to_1_holds_the_rate_and_is_never_a_point(count, confidence):
+    interval = wilson_interval(*count, confidence=confidence)
+    assert interval.estimate == count[0] / count[1]
+    assert 0.0 <= interval.low <= interval.estimate <= interval.high <= 1.0
+    assert width(interval) > 0.0
+
+
+@given(counts(), CONFIDENCES)
+def test_wilson_equals_scipy(count, confidence):
+    expected = scipy.stats.binomtest(*count).proportion_ci(confidence, method="wilson")
+    assert wilson_interval(*count, confidence=confidence)[1:] == pytest.approx(
+        (expected.low, expected.high), abs=1e-12
+    )
+
+
+@given(counts())
+def test_wilson_of_failures_mirrors_that_of_successes(count):
+    successes, trials = count
+    ours, theirs = wilson_interval(successes, trials), wilson_interval(trials - successes, trials)
+    assert (ours.low, ours.high) == pytest.approx((1.0 - theirs.high, 1.0 - theirs.low), abs=1e-12)
+
+
+@given(counts(), st.integers(2, 20))
+def test_wilson_shrinks_with_more_trials_and_with_less_confidence(count, factor):
+    successes, trials = count
+    assert width(wilson_interval(factor * successes, factor * trials)) < width(wilson_interval(*count))
+    assert width(wilson_interval(*count, confidence=0.9)) < width(wilson_interval(*count))
+
+
+@pytest.mark.parametrize("trials", [20, 100, 500])
+def test_wilson_covers_as_often_as_it_says(trials):
+    """Exact: the chance of the counts whose interval holds the rate, averaged over rates."""
+    ends = np.array([wilson_interval(k, trials)[1:] for k in range(trials + 1)])
+    rates = np.linspace(0.02, 0.98, 481)
+    holds = (ends[:, :1] <= rates) & (rates <= ends[:, 1:])
+    coverage = (scipy.stats.binom.pmf(np.arange(trials + 1)[:, None], trials, rates) * holds).sum(axis=0)
+    assert coverage.mean() == pytest.approx(0.95, abs=0.01)
+    assert coverage.min() > 0.83
+
+
+def test_wilson_of_no_trials_is_undefined_and_of_wrong_counts_an_error():
+    assert all(math.isnan(end) for end in wilson_interval(0, 0))
+    for count in ((-1, 5), (6, 5)):
+        with pytest.raises(ValueError, match="successes of"):
+            wilson_interval(*count)
+    for confidence in (0.0, 1.0, 95.0, math.nan):
+        with pytest.raises(ValueError, match="confidence"):
+            wilson_interval(1, 2, confidence=confidence)
+
+
+# --- bootstrap over episodes ----------------------------------------------------------------------
+
+
+@given(samples(), CONFIDENCES)
+def test_bootstrap_holds_the_mean_and_stays_in_the_data(values, confidence):
+    interval = bootstrap_mean(values, confidence=confidence, resamples=FEW)
+    slack = 1e-9 * (1.0 + np.abs(values).max())
+    assert interval.estimate == pytest.approx(values.mean(), abs=slack)
+    assert interval.low <= interval.estimate <= interval.high
+    assert values.min() - slack <= interval.low
+    assert interval.high <= values.max() + slack
+
+
+@given(samples(), st.floats(-5.0, 5.0), NUMBERS)
+def test_bootstrap_moves_with_the_unit_and_the_origin(values, scale, offset):
+    interval = bootstrap_mean(values, resamples=FEW)
+    moved = bootstrap_mean(scale * values + offset, resamples=FEW)
+    ends = sorted((scale * interval.low + offset, scale * interval.high + offset))
+    assert (moved.low, moved.high) == pytest.approx(tuple(ends), abs=1e-6)
+
+
+@given(NUMBERS, st.integers(2, 50))
+def test_bootstrap_of_equal_numbers_is_a_point(value, count):
+    assert bootstrap_mean(np.full(count, value), resamples=FEW) == pytest.approx((value,) * 3)
+
+
+def test_bootstrap_shrinks_as_the_root_of_the_number_of_episodes():
+    values = np.random.default_rng(0).normal(size=50)
+    few, many = bootstrap_mean(values), bootstrap_mean(np.tile(values, 16))
+    assert width(few) / width(many) == pytest.approx(4.0, rel=0.1)
+
+
+def test_bootstrap_agrees_with_scipy():
+    values = np.random.default_rng(1).gamma(2.0, size=60)
+    expected = scipy.stats.bootstrap(
+        (values,), np.mean, n_resamples=10_000, method="percentile", rng=np.random.default_rng(2)
+    ).confidence_interval
+    ours = bootstrap_mean(values)
+    assert ours[1:] == pytest.approx((expected.low, expected.high), abs=0.04 * width(ours))
+
+
+def test_bootstrap_covers_as_often_as_it_says():
+    rng = np.random.default_rng(3)
+    datasets = rng.exponential(size=(500, 80))  # skewed, of mean 1
+    intervals = np.array([bootstrap_mean(d, resamples=500, seed=i)[1:] for i, d in enumerate(datasets)])
+    coverage = np.mean((intervals[:, 0] <= 1.0) & (intervals[:, 1] >= 1.0))
+    assert 0.90 <= coverage <= 0.97
+
+
+def test_bootstrap_is_a_function_of_the_data_and_the_seed():
+    values = np.random.default_rng(4).normal(size=3000)  # so many that they are drawn in several blocks
+    assert bootstrap_mean(values, resamples=2000) == bootstrap_mean(values, resamples=2000)
+    assert bootstrap_mean(values, resamples=2000) != bootstrap_mean(values, resamples=2000, seed=1)
+
+
+def test_bootstrap_of_too_few_numbers_says_so():
+    assert all(math.isnan(number) for number in bootstrap_mean([]))
+    single = bootstrap_mean([0.4])
+    assert single.estimate == 0.4
+    assert math.isnan(single.low)
+    assert math.isnan(single.high)
+
+
+@pytest.mark.parametrize("values", [[1.0, math.nan], [math.inf, 1.0]])
+def test_numbers_that_are_not_finite_are_refused(values):
+    for interval in (bootstrap_mean, seed_mean, seed_iqm):
+        with pytest.raises(ValueError, match="not finite"):
+            interval(values)
+    with pytest.raises(ValueError, match="not finite"):
+        probability_of_improvement(values, [1.0, 2.0])
+
+
+# --- paired ---------------------------------------------------------------------------------------
+
+
+@given(samples(), st.integers(0, 100))
+def test_swapping_the_policies_mirrors_the_difference(values, seed):
+    other = np.random.default_rng(seed).permutation(values)
+    ours = paired_difference(values, other, resamples=FEW)
+    theirs = paired_difference(other, values, resamples=FEW)
+    assert (ours.estimate, ours.low, ours.high) == pytest.approx(
+        (-theirs.estimate, -theirs.high, -theirs.low), abs=1e-9
+    )
+
+
+@given(samples(), NUMBERS)
+def test_a_constant_advantage_is_found_exactly_however_the_tasks_differ(values, advantage):
+    difference = paired_difference(values + advantage, values, resamples=FEW)
+    assert difference == pytest.approx((advantage,) * 3, abs=1e-6)
+
+
+def test_pairing_is_narrower_than_two_intervals_when_tasks_are_shared():
+    rng = np.random.default_rng(5)
+    difficulty = rng.normal(scale=3.0, size=200)
+    ours, theirs = difficulty + rng.normal(size=200), difficulty + rng.normal(size=200)
+    assert width(paired_difference(ours, theirs)) < 0.6 * width(bootstrap_mean(ours))
+
+
+def test_pairs_of_unequal_length_are_refused():
+    with pytest.raises(ValueError, match="equal lengths"):
+        paired_difference([1.0, 2.0], [1.0])
+
+
+# --- training seeds -------------------------------------------------------------------------------
+
+
+@given(samples(1, 60))
+def test_iqm_equals_scipys_trimmed_mean(values):
+    assert interquartile_mean(values) == pytest.approx(scipy.stats.trim_mean(values, 0.25), abs=1e-9)
+
+
+@given(NUMBERS, st.integers(1, 30))
+def test_iqm_of_equal_numbers_is_that_number(value, count):
+    assert interquartile_mean(np.full(count, value)) == pytest.approx(value)
+
+
+@given(samples(4, 40), st.floats(1e3, 1e9))
+def test_one_outlier_cannot_carry_the_iqm_out_of_the_rest(values, outlier):
+    with_outlier = interquartile_mean(np.append(values, outlier))
+    assert values.min() - 1e-9 <= with_outlier <= values.max() + 1e-9
+
+
+@given(scores(), CONFIDENCES)
+def test_seed_intervals_hold_their_estimates(values, confidence):
+    mean = seed_mean(values, confidence=confidence, resamples=FEW)
+    iqm = seed_iqm(values, confidence=confidence, resamples=FEW)
+    assert mean.estimate == pytest.approx(values.mean(), abs=1e-9)
+    assert iqm.estimate == pytest.approx(interquartile_mean(values), abs=1e-9)
+    assert mean.low <= mean.estimate <= mean.high
+    assert iqm.low <= iqm.estimate <= iqm.high
+
+
+@given(scores(scenarios=(1, 1)))
+def test_one_scenario_is_the_plain_bootstrap_over_seeds(values):
+    assert seed_mean(values, resamples=FEW) == bootstrap_mean(values[:, 0], resamples=FEW)
+    assert seed_mean(values[:, 0], resamples=FEW) == seed_mean(values, resamples=FEW)
+
+
+@given(hnp.arrays(np.float64, st.integers(2, 5), elements=NUMBERS), st.integers(2, 8))
+def test_scenarios_are_strata_and_their_spread_is_no_uncertainty(per_scenario, seeds):
+    """Seeds that agree leave nothing open, however far apart the scenarios are."""
+    values = np.tile(per_scenario, (seeds, 1))
+    assert seed_mean(values, resamples=FEW) == pytest.approx((per_scenario.mean(),) * 3, abs=1e-9)
+    iqm = seed_iqm(values, resamples=FEW)
+    assert width(iqm) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_seeds_of_different_scenarios_are_drawn_apart():
+    """Were whole rows drawn, scores that cancel in each row would leave no width."""
+    values = np.arange(10.0)
+    width_apart = width(seed_mean(np.column_stack([values, -values])))
+    assert width_apart == pytest.approx(width(bootstrap_mean(values)) / math.sqrt(2.0), rel=0.1)
+
+
+def test_one_seed_has_no_interval_and_the_number_of_scenarios_does_not_help():
+    for interval in (seed_mean([[0.9, 0.5, 0.7]]), seed_iqm([0.7])):
+        assert interval.estimate == pytest.approx(0.7)
+        assert math.isnan(interval.low)
+        assert math.isnan(interval.high)
+
+
+def test_seed_intervals_narrow_with_more_seeds():
+    values = np.random.default_rng(6).normal(size=(40, 2))
+    assert width(seed_mean(values)) < width(seed_mean(values[:10]))
+    assert width(seed_iqm(values)) < width(seed_iqm(values[:10]))
+
+
+@given(st.data(), st.integers(1, 3))
+def test_chances_of_both_sides_sum_to_one_ties_counting_half(data, scenarios):
+    small = st.integers(0, 3).map(float)  # so that ties are common
+    x = data.draw(hnp.arrays(np.float64, st.tuples(st.integers(1, 8), st.just(scenarios)), elements=small))
+    y = data.draw(hnp.arrays(np.float64, st.tuples(st.integers(1, 8), st.just(scenarios)), elements=small))
+    ours = probability_of_improvement(x, y, resamples=FEW)
+    theirs = probability_of_improvement(y, x, resamples=FEW)
+    assert ours.estimate + theirs.estimate == pytest.approx(1.0)
+    twin = [
+        sum((a > b) + 0.5 * (a == b) for a in x[:, k] for b in y[:, k]) / (len(x) * len(y))
+        for k in range(scenarios)
+    ]
+    assert ours.estimate == pytest.approx(sum(twin) / scenarios)
+
+
+@given(scores(), scores())
+def test_the_chance_of_improvement_lies_in_its_interval_and_in_0_to_1(x, y):
+    assume(x.shape[1] == y.shape[1])
+    interval = probability_of_improvement(x, y, resamples=FEW)
+    assert -1e-12 <= interval.low <= interval.estimate <= interval.high <= 1.0 + 1e-12
+    squashed = probability_of_improvement(np.arctan(x / 100.0), np.arctan(y / 100.0), resamples=FEW)
+    assert squashed == pytest.approx(interval), "only the order of the scores counts"
+
+
+@given(scores())
+def test_equal_methods_are_even_and_a_dominant_one_always_wins(values):
+    assert probability_of_improvement(values, values, resamples=FEW).estimate == pytest.approx(0.5)
+    above = values + 3e3
+    assert probability_of_improvement(above, values, resamples=FEW) == pytest.approx((1.0,) * 3)
+
+
+def test_the_interval_of_improvement_agrees_with_a_plain_resampling_loop():
+    rng = np.random.default_rng(7)
+    x, y = rng.normal(0.5, 1.0, size=(10, 2)), rng.normal(size=(8, 2))
+    replicates = []
+    for _ in range(4000):
+        wins = [
+            np.mean(x[rng.integers(0, 10, 10), k][:, None] > y[rng.integers(0, 8, 8), k][None])
+            for k in range(2)
+        ]
+        replicates.append(np.mean(wins))
+    ours = probability_of_improvement(x, y)
+    assert ours[1:] == pytest.approx(tuple(np.quantile(replicates, (0.025, 0.975))), abs=0.02)
+
+
+def test_one_seed_of_either_method_gives_no_interval():
+    interval = probability_of_improvement([0.9], [0.5, 0.95])
+    assert interval.estimate == 0.5
+    assert math.isnan(interval.low)
+    assert math.isnan(interval.high)
+
+
+def test_methods_run_in_different_scenarios_are_not_compared():
+    with pytest.raises(ValueError, match="same ones"):
+        probability_of_improvement(np.zeros((3, 2)), np.zeros((3, 1)))

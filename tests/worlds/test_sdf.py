@@ -1,0 +1,187 @@
+"""Gazebo worlds: poses compose, states win, and what cannot be read is named."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adrl import _core
+from adrl.errors import WorldError
+from adrl.types import World
+from adrl.worlds import load_sdf
+
+CYLINDER = "<geometry><cylinder><radius>0.2</radius><length>1</length></cylinder></geometry>"
+BOX = "<geometry><box><size>2 0.5 1</size></box></geometry>"
+POSE = st.tuples(*[st.floats(-5.0, 5.0)] * 2, st.just(0.0), st.just(0.0), st.just(0.0), st.floats(-4.0, 4.0))
+
+
+def pose(numbers: tuple[float, ...] | str, attributes: str = "") -> str:
+    text = numbers if isinstance(numbers, str) else " ".join(repr(n) for n in numbers)
+    return f"<pose {attributes}>{text}</pose>"
+
+
+def model(geometry: str, *, model_pose: str = "", link_pose: str = "", pose: str = "", name: str = "m") -> str:
+    return (
+        f"<model name='{name}'>{model_pose}<link name='l'>{link_pose}"
+        f"<collision name='c'>{pose}{geometry}</collision></link></model>"
+    )
+
+
+def load(folder: Path, content: str) -> World:
+    path = folder / "test.world"
+    path.write_text(f"<?xml version='1.0'?><sdf version='1.6'><world name='w'>{content}</world></sdf>")
+    return load_sdf(path)
+
+
+def matrix(p: tuple[float, ...]) -> np.ndarray:
+    c, s = math.cos(p[5]), math.sin(p[5])
+    return np.array([(c, -s, p[0]), (s, c, p[1]), (0.0, 0.0, 1.0)])
+
+
+@given(a=POSE, b=POSE, c=POSE)
+def test_poses_compose_from_model_to_link_to_collision(
+    tmp_path_factory: pytest.TempPathFactory, a: tuple, b: tuple, c: tuple
+) -> None:
+    folder = tmp_path_factory.mktemp("world")
+    world = load(folder, model(BOX, model_pose=pose(a), link_pose=pose(b), pose=pose(c)))
+    corners = np.array([(1, 0.25, 1), (-1, 0.25, 1), (-1, -0.25, 1), (1, -0.25, 1)])
+    expected = (matrix(a) @ matrix(b) @ matrix(c) @ corners.T).T[:, :2]
+    np.testing.assert_allclose(world.polygons[0], expected, atol=1e-9)
+    world = load(folder, model(CYLINDER, model_pose=pose(a), link_pose=pose(b), pose=pose(c)))
+    centre = matrix(a) @ matrix(b) @ matrix(c) @ (0, 0, 1)
+    np.testing.assert_allclose(world.circles, [(*centre[:2], 0.2)], atol=1e-9)
+
+
+def test_nested_models_compose_too(tmp_path: Path) -> None:
+    inner = model(CYLINDER, model_pose=pose("1 0 0 0 0 0"), name="inner")
+    world = load(tmp_path, f"<model name='outer'>{pose('0 3 0 0 0 1.5707963267948966')}{inner}</model>")
+    np.testing.assert_allclose(world.circles, [(0.0, 4.0, 0.2)], atol=1e-12)
+
+
+def test_degrees_are_read_where_they_are_declared(tmp_path: Path) -> None:
+    world = load(
+        tmp_path, model(CYLINDER, model_pose=pose("0 0 0 0 0 90", "degrees='true'"), pose=pose("1 0 0 0 0 0"))
+    )
+    np.testing.assert_allclose(world.circles, [(0.0, 1.0, 0.2)], atol=1e-12)
+
+
+def test_a_state_moves_and_scales_its_model(tmp_path: Path) -> None:
+    placed = model(BOX, model_pose=pose("9 9 0 0 0 0"), pose=pose("1 0 0 0 0 0"))
+    state = f"<state><model name='m'>{pose('2 3 0 0 0 0')}<scale>1 2 1</scale></model></state>"
+    (corners,) = load(tmp_path, placed + state).polygons
+    assert (corners.min(axis=0).tolist(), corners.max(axis=0).tolist()) == ([2.0, 2.5], [4.0, 3.5])
+    link = f"<state><model name='m'>{pose('0 0 0 0 0 0')}<link name='l'>{pose('5 6 0 0 0 0')}</link></model></state>"
+    np.testing.assert_allclose(load(tmp_path, placed + link).polygons[0].mean(axis=0), [6.0, 6.0])
+
+
+def test_planes_are_ground_or_walls(tmp_path: Path) -> None:
+    def plane(normal: str) -> str:
+        return f"<geometry><plane><normal>{normal}</normal><size>4 6</size></plane></geometry>"
+
+    def wall(normal: str, **poses: str) -> list[float]:
+        ends = load(tmp_path, model(plane("0 0 1"), name="ground") + model(plane(normal), **poses)).segments
+        return sorted(np.round(ends, 9).reshape(2, 2).tolist())
+
+    # A plane facing x keeps its y side level, one facing y its x side.
+    assert wall("1 0 0") == [[0.0, -3.0], [0.0, 3.0]]
+    assert wall("0 -2 0") == [[-2.0, 0.0], [2.0, 0.0]]
+    assert wall("1 0 0", model_pose=pose("1 1 0 0 0 1.5707963267948966")) == [[-2.0, 1.0], [4.0, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("geometry", "z", "radius"),
+    [
+        (CYLINDER, 0.0, 0.2),
+        (CYLINDER, -0.46, None),
+        (CYLINDER, 1.01, None),
+        ("<geometry><sphere><radius>0.5</radius></sphere></geometry>", 0.2, 0.5),
+        ("<geometry><sphere><radius>0.5</radius></sphere></geometry>", 0.8, 0.4),
+        ("<geometry><sphere><radius>0.5</radius></sphere></geometry>", -0.35, 0.3),
+        ("<geometry><sphere><radius>0.5</radius></sphere></geometry>", 1.1, None),
+    ],
+)
+def test_only_what_reaches_the_robots_heights_counts(
+    tmp_path: Path, geometry: str, z: float, radius: float | None
+) -> None:
+    world = load(tmp_path, model(BOX) + model(geometry, pose=pose(f"0 0 {z} 0 0 0"), name="n"))
+    assert [c[2] for c in world.circles.tolist()] == ([] if radius is None else pytest.approx([radius]))
+
+
+def test_bounds_hold_the_geometry_and_a_margin(tmp_path: Path) -> None:
+    world = load(tmp_path, model(CYLINDER, pose=pose("1 2 0 0 0 0")) + model(BOX, name="n"))
+    assert world.bounds == pytest.approx((-2.0, -1.25, 2.2, 3.2))
+
+
+def test_ground_and_sun_may_be_included_and_visuals_are_not_solid(tmp_path: Path) -> None:
+    includes = "<include><uri>model://ground_plane</uri></include><include><uri>model://sun</uri></include>"
+    visual = f"<model name='v'><link name='l'><visual name='v'>{BOX}</visual></link></model>"
+    world = load(tmp_path, includes + visual + model(CYLINDER))
+    assert (len(world.circles), len(world.polygons)) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        ("", "no box, cylinder"),
+        (model(CYLINDER, name="post", pose=pose("0 0 0 0.1 0 0")), "'post' is tilted"),
+        (model(CYLINDER, name="post", model_pose=pose("0 0 0 0 -0.002 0")), "'post' is tilted"),
+        (model(CYLINDER, model_pose=pose("0 0 0", "")), "6 finite numbers"),
+        (model(CYLINDER, model_pose=pose("0 0 0 0 0 nan")), "6 finite numbers"),
+        (model(CYLINDER, model_pose=pose("0 0 0 0 0 0", "relative_to='other'")), "relative to 'other'"),
+        (model(CYLINDER, model_pose=pose("0 0 0 0 0 0", "frame='other'")), "relative to 'other'"),
+        (model("<geometry><mesh><uri>a.dae</uri></mesh></geometry>", name="chair"), "'chair' has a collision"),
+        (model("<geometry><box><size>1 1</size></box></geometry>"), "3 finite numbers"),
+        (model("<geometry><box/></geometry>"), "3 finite numbers"),
+        (model("<geometry><box><size>1 0 1</size></box></geometry>"), "positive"),
+        (model("<geometry><sphere><radius>-1</radius></sphere></geometry>"), "positive"),
+        (model("<geometry><plane><normal>1 0 1</normal></plane></geometry>", name="ramp"), "'ramp' has a slanted"),
+        (model("<geometry><plane><normal>0 0 0</normal></plane></geometry>"), "direction"),
+        ("<include><uri>model://cafe_table</uri></include>", "model://cafe_table"),
+        ("<include/>", "without <uri>"),
+        ("<model name='m'><include><uri>model://x</uri></include></model>", "model 'm' includes"),
+        ("<population name='p'/>", "population"),
+        (model(BOX) + "<state><model name='m'><scale>0 1 1</scale></model></state>", "state of model 'm'"),
+        ("<model name='m'>" * 40 + "</model>" * 40, "nested"),
+        ("<model name='m'>", "not well-formed"),
+    ],
+)
+def test_what_cannot_be_read_is_named(tmp_path: Path, content: str, says: str) -> None:
+    with pytest.raises(WorldError) as caught:
+        load(tmp_path, content)
+    assert says in str(caught.value)
+    assert "test.world" in str(caught.value)
+
+
+@pytest.mark.parametrize("text", ["", "not xml", "<sdf version='1.6'><model name='m'/></sdf>"])
+def test_a_file_without_a_world_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "bad.world").write_text(text)
+    with pytest.raises(WorldError, match=r"bad\.world"):
+        load_sdf(tmp_path / "bad.world")
+    with pytest.raises(WorldError, match="does not exist"):
+        load_sdf(tmp_path / "none.world")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
+def test_entities_are_refused_in_any_encoding(tmp_path: Path, encoding: str) -> None:
+    bomb = "<!DOCTYPE sdf [<!ENTITY a 'aaaaaaaaaa'><!ENTITY b '&a;&a;&a;&a;'>]>"
+    text = f"{bomb}<sdf version='1.6'><world name='&b;'>{model(CYLINDER)}</world></sdf>"
+    (tmp_path / "bomb.world").write_bytes(text.encode(encoding))
+    with pytest.raises(WorldError, match="DOCTYPE"):
+        load_sdf(tmp_path / "bomb.world")
+
+
+def test_every_barn_world_loads_and_its_published_path_is_free(shared_data: Path) -> None:
+    """Ties our frame to the benchmark's: its paths, made for a Jackal, keep well away from the cylinders."""
+    files = sorted((shared_data / "barn" / "worlds").glob("*.world"))
+    assert len(files) == 50
+    for file in files:
+        world = load_sdf(file)
+        assert len(world.circles) > 150
+        assert (world.circles[:, 2] == 0.075).all()
+        cells = np.load(shared_data / "barn" / "paths" / f"path_{file.stem.split('_')[1]}.npy")
+        points = np.column_stack([cells[:, 0] * 0.15 - 4.575, cells[:, 1] * 0.15 + 5.075, np.zeros(len(cells))])
+        clearance = _core.clearance(world.native, points, LEAST, np.empty((0, 2)), 1.0)
+        assert clearance.min() > 0.0, file.name
