@@ -205,9 +205,9 @@ ADRL_CLONES void lower_clear(Arcs &arcs, const Local &local, float offset_x, flo
     }
 }
 
-// The bitmap's distance field between cell centres, less half a cell because the centre of a solid cell is not its
-// border. Bilinear: good to about a third of a cell, which the margin covers.
-float bitmap_clear(const Bitmap &bitmap, Vec2 p) {
+// Distance from p to the bitmap's solid cells: interpolated between cell centres, less half a cell because the centre
+// of a solid cell is not its border. That is good to about half a cell, so below `exact_below` it is measured.
+float bitmap_clear(const Bitmap &bitmap, Vec2 p, double exact_below) {
     const Vec2 cell = bitmap.to_cells(p);
     const double x = std::clamp(cell.x - 0.5, 0.0, bitmap.width - 1.001);
     const double y = std::clamp(cell.y - 0.5, 0.0, bitmap.height - 1.001);
@@ -222,14 +222,17 @@ float bitmap_clear(const Bitmap &bitmap, Vec2 p) {
     };
     const double below = at(x0, y0) + fx * (at(x1, y0) - at(x0, y0));
     const double above = at(x0, y1) + fx * (at(x1, y1) - at(x0, y1));
-    return static_cast<float>((below + fy * (above - below) - 0.5) * bitmap.resolution);
+    const double rough = (below + fy * (above - below) - 0.5) * bitmap.resolution;
+    if (rough > exact_below + 0.5 * bitmap.resolution) return static_cast<float>(rough);
+    return static_cast<float>(point_to_bitmap(bitmap, p, exact_below + bitmap.resolution));
 }
 
-void lower_clear_by_bitmap(Arcs &arcs, const Bitmap &bitmap, const Pose &pose, float offset_x, float offset_y) {
+void lower_clear_by_bitmap(Arcs &arcs, const Bitmap &bitmap, const Pose &pose, float offset_x, float offset_y,
+                           double exact_below) {
     for (int i = 0; i < kSpeeds * kYawRates; ++i) {
         const Vec2 p{pose.x + arcs.x[i] + offset_x * arcs.hx[i] - offset_y * arcs.hy[i],
                      pose.y + arcs.y[i] + offset_x * arcs.hy[i] + offset_y * arcs.hx[i]};
-        arcs.clear[i] = std::min(arcs.clear[i], bitmap_clear(bitmap, p));
+        arcs.clear[i] = std::min(arcs.clear[i], bitmap_clear(bitmap, p, exact_below));
     }
 }
 
@@ -300,7 +303,8 @@ Twist dwa_command(const World &world, const Footprint &footprint, const DriveLim
         }
         for (int i = 0; i < cover.count; ++i) {
             lower_clear(arcs, local, cover.x[i], cover.y[i]);
-            if (!world.bitmap().empty()) lower_clear_by_bitmap(arcs, world.bitmap(), pose, cover.x[i], cover.y[i]);
+            if (world.bitmap().empty()) continue;
+            lower_clear_by_bitmap(arcs, world.bitmap(), pose, cover.x[i], cover.y[i], cover.radius + config.margin_m);
         }
         score_sample(arcs, cover.radius, margin, static_cast<float>(k * sample_s), gx, gy);
     }

@@ -332,7 +332,8 @@ void cast_bitmap(const Bitmap &bitmap, const Pose &sensor, const Beams &beams, d
 Beams::Beams(const std::vector<double> &angles) : count_(static_cast<int>(angles.size())) { point(angles); }
 
 Beams::Beams(int count, double angle_min, double increment)
-    : count_(count), uniform_(true), angle_min_(angle_min), increment_(increment) {
+    : count_(count), uniform_(increment > 1e-6 && (count - 1) * increment <= kTwoPi), angle_min_(wrap_angle(angle_min)),
+      increment_(increment) {
     std::vector<double> angles(count);
     for (int i = 0; i < count; ++i) angles[i] = angle_min + i * increment;
     point(angles);

@@ -13,7 +13,8 @@ class Beams {
   public:
     // Any angles: every obstacle is tested against every beam.
     explicit Beams(const std::vector<double> &angles);
-    // angle_min + i * increment: an obstacle is tested only against the beams that can meet it.
+    // angle_min + i * increment: an obstacle is tested only against the beams that can meet it. Anything but a
+    // counter-clockwise fan of at most a full turn is cast like any other angles.
     Beams(int count, double angle_min, double increment);
 
     int count() const { return count_; }

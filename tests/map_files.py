@@ -9,7 +9,7 @@ from PIL import Image
 
 
 def write_map(folder: Path, pixels: Any, suffix: str = ".pgm", **header: Any) -> Path:
-    """Path of the YAML file. pixels (H, W) or (H, W, C), top row first; a header entry of None is left out."""
+    """Path of the YAML file. pixels (H, W) or (H, W, C), top row first; a header entry of None is omitted."""
     Image.fromarray(np.asarray(pixels, dtype=np.uint8)).save(folder / f"image{suffix}")
     content = {
         "image": f"image{suffix}",

@@ -2,6 +2,9 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 
+#include <algorithm>
+#include <string>
+
 #include "../batch_sim.hpp"
 #include "arrays.hpp"
 #include "footprint.hpp"
@@ -25,6 +28,7 @@ std::shared_ptr<Task> make_task(std::shared_ptr<World> world, std::tuple<double,
 Robot make_robot(double radius, const In<double, Rows2> &corners, std::tuple<double, double, double> speed_limits,
                  int num_beams, double angle_min, double increment, std::tuple<double, double, double> mount,
                  double max_range, double dt_s) {
+    if (num_beams < 1 || num_beams > 2048) throw nb::value_error("a LiDAR has 1 to 2048 beams");
     DriveLimits limits;
     limits.max_speed = std::get<0>(speed_limits);
     limits.min_speed = std::get<1>(speed_limits);
@@ -37,38 +41,42 @@ Robot make_robot(double radius, const In<double, Rows2> &corners, std::tuple<dou
             dt_s};
 }
 
-template <class Array> auto *checked(Array &array, std::initializer_list<std::size_t> shape, const char *name) {
-    bool same = array.ndim() == shape.size();
-    std::size_t axis = 0;
-    for (const std::size_t n : shape) same = same && array.shape(axis++) == n;
-    if (!same) throw nb::value_error(name);
+// The caller's array of this name; anything but a writable C-contiguous array of this dtype and shape is refused.
+template <class T>
+T *buffer(const nb::dict &buffers, const char *name, std::initializer_list<std::size_t> shape) {
+    if (!buffers.contains(name)) throw nb::key_error(name);
+    Out<T> array;
+    const std::string label = std::string("buffer ") + name;
+    if (!nb::try_cast(buffers[name], array, false) || !array.is_valid()) {
+        throw nb::type_error((label + ": give a writable C-contiguous array of the documented dtype").c_str());
+    }
+    if (!std::equal(shape.begin(), shape.end(), array.shape_ptr(), array.shape_ptr() + array.ndim())) {
+        std::string wanted;
+        for (const std::size_t n : shape) wanted += (wanted.empty() ? "" : ", ") + std::to_string(n);
+        throw nb::value_error((label + ": its shape is not (" + wanted + ")").c_str());
+    }
     return array.data();
 }
 
-// The simulator with references to the caller's arrays, which must outlive it.
+// The simulator with references to the caller's arrays.
 struct BoundSim {
     BatchSim sim;
     nb::object keep_alive;
 };
 
 std::unique_ptr<BoundSim> make_sim(int num_envs, int num_threads, Robot robot, SimConfig config, nb::dict buffers) {
+    if (num_envs < 0) throw nb::value_error("num_envs is negative");
     const auto n = static_cast<std::size_t>(num_envs);
     const auto beams = static_cast<std::size_t>(robot.beams.count());
     const auto f64 = [&](const char *name, std::initializer_list<std::size_t> shape) {
-        auto array = nb::cast<Out<double>>(buffers[name], false);
-        return checked(array, shape, name);
+        return buffer<double>(buffers, name, shape);
     };
-    const auto u8 = [&](const char *name) {
-        auto array = nb::cast<Out<std::uint8_t>>(buffers[name], false);
-        return checked(array, {n}, name);
-    };
-    auto ranges = nb::cast<Out<float>>(buffers["ranges"], false);
-    auto seed = nb::cast<Out<std::uint64_t>>(buffers["seed"], false);
+    const auto u8 = [&](const char *name) { return buffer<std::uint8_t>(buffers, name, {n}); };
     const SimBuffers b{f64("command", {n, 2}),
                        u8("active"),
-                       checked(seed, {n}, "seed"),
+                       buffer<std::uint64_t>(buffers, "seed", {n}),
                        f64("params", {n, kNumParams}),
-                       checked(ranges, {n, beams}, "ranges"),
+                       buffer<float>(buffers, "ranges", {n, beams}),
                        f64("pose", {n, 3}),
                        f64("odometry", {n, 3}),
                        f64("twist", {n, 2}),
@@ -81,8 +89,9 @@ std::unique_ptr<BoundSim> make_sim(int num_envs, int num_threads, Robot robot, S
                        u8("reached"),
                        u8("collided"),
                        f64("memory", {n, kMemory})};
-    return std::unique_ptr<BoundSim>(
-        new BoundSim{BatchSim(num_envs, num_threads, std::move(robot), config, b), nb::object(buffers)});
+    // A copy of the dictionary: taking an array out of the caller's must not free it under the simulator.
+    return std::unique_ptr<BoundSim>(new BoundSim{BatchSim(num_envs, num_threads, std::move(robot), config, b),
+                                                  nb::steal<nb::object>(PyDict_Copy(buffers.ptr()))});
 }
 
 void set_task(BoundSim &self, int i, std::shared_ptr<Task> task) {
@@ -112,10 +121,10 @@ void plan(BoundSim &self, Out<double, Rows2> out) {
 void bind_batch_sim(nb::module_ &m) {
     nb::class_<Task>(m, "Task").def(nb::new_(&make_task), nb::arg("world"), nb::arg("start"), nb::arg("goal"),
                                     nb::arg("goal_tolerance_m"), nb::arg("path").noconvert());
-    nb::class_<Robot>(m, "Robot").def(nb::new_(&make_robot), nb::arg("radius_m"), nb::arg("footprint").noconvert(),
-                                      nb::arg("speed_limits"), nb::arg("num_beams"), nb::arg("angle_min_rad"),
-                                      nb::arg("angle_increment_rad"), nb::arg("mount"), nb::arg("max_range_m"),
-                                      nb::arg("dt_s"));
+    nb::class_<Robot>(m, "Robot")
+        .def(nb::new_(&make_robot), nb::arg("radius_m"), nb::arg("footprint").noconvert(), nb::arg("speed_limits"),
+             nb::arg("num_beams"), nb::arg("angle_min_rad"), nb::arg("angle_increment_rad"), nb::arg("mount"),
+             nb::arg("max_range_m"), nb::arg("dt_s"));
     nb::class_<DwaConfig>(m, "DwaConfig")
         .def(nb::init<>())
         .def_rw("horizon_s", &DwaConfig::horizon_s)

@@ -91,8 +91,8 @@ Returned<double> shorten_path_on(const Bitmap8 &blocked, const In<std::int32_t, 
     std::vector<GridPoint> corners;
     {
         const nb::gil_scoped_release release;
-        corners = shorten_path(blocked.data(), static_cast<int>(blocked.shape(0)), static_cast<int>(blocked.shape(1)),
-                               path);
+        corners =
+            shorten_path(blocked.data(), static_cast<int>(blocked.shape(0)), static_cast<int>(blocked.shape(1)), path);
     }
     double *out = nullptr;
     auto result = new_array<double>({corners.size(), 2}, out);
@@ -120,6 +120,11 @@ std::shared_ptr<World> make_world(const In<double, Rows3> &circles, const In<dou
                                   const In<std::int32_t, nb::shape<-1>> &offsets, const In<double, Rows4> &segments,
                                   const In<double, Rows8> &discs, const Bitmap8 &solid, double resolution,
                                   std::tuple<double, double, double> origin) {
+    // Out of step with the corners, the offsets would lead the kernels out of their arrays.
+    const auto *end = offsets.data() + offsets.size();
+    bool fits = offsets.size() > 0 && *offsets.data() == 0 && end[-1] == static_cast<std::int64_t>(corners.shape(0));
+    for (const auto *first = offsets.data(); fits && first + 1 < end; ++first) fits = first[0] + 3 <= first[1];
+    if (!fits) throw nb::value_error("polygon_offsets: give 0, rising by 3 or more, up to the number of corners");
     return std::make_shared<World>(view(circles), view(corners), view(offsets), view(segments), view(discs),
                                    solid.data(), static_cast<int>(solid.shape(0)), static_cast<int>(solid.shape(1)),
                                    resolution, Pose{std::get<0>(origin), std::get<1>(origin), std::get<2>(origin)});
@@ -131,10 +136,10 @@ void bind_batch_sim(nb::module_ &m);
 
 NB_MODULE(_core, m) {
     m.doc() = "Kernels of ADRL: ray casting, kinematics, collision, planning and the batch simulator.";
-    nb::class_<World>(m, "World").def(
-        nb::new_(&make_world), nb::arg("circles").noconvert(), nb::arg("polygon_corners").noconvert(),
-        nb::arg("polygon_offsets").noconvert(), nb::arg("segments").noconvert(), nb::arg("discs").noconvert(),
-        nb::arg("solid").noconvert(), nb::arg("resolution_m"), nb::arg("origin"));
+    nb::class_<World>(m, "World")
+        .def(nb::new_(&make_world), nb::arg("circles").noconvert(), nb::arg("polygon_corners").noconvert(),
+             nb::arg("polygon_offsets").noconvert(), nb::arg("segments").noconvert(), nb::arg("discs").noconvert(),
+             nb::arg("solid").noconvert(), nb::arg("resolution_m"), nb::arg("origin"));
     m.def("raycast", &raycast_many, nb::arg("world"), nb::arg("poses").noconvert(), nb::arg("angles_rad").noconvert(),
           nb::arg("max_range_m"), nb::arg("time_s") = 0.0);
     m.def("clearance", &clearance_many, nb::arg("world"), nb::arg("poses").noconvert(), nb::arg("radius_m"),

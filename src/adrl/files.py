@@ -36,7 +36,7 @@ def atomic_write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
-    _sync_folder(target.parent)
+    sync(target.parent)
 
 
 def atomic_write_text(path: str | os.PathLike[str], text: str) -> None:
@@ -44,9 +44,14 @@ def atomic_write_text(path: str | os.PathLike[str], text: str) -> None:
     atomic_write_bytes(path, text.encode("utf-8"))
 
 
+def to_json(content: Mapping[str, Any]) -> str:
+    """Strict JSON, keys in the order given. Raises ValueError on NaN or infinity: JSON has none."""
+    return json.dumps(content, indent=2, allow_nan=False)
+
+
 def write_json(path: str | os.PathLike[str], content: Mapping[str, Any]) -> None:
-    """Write strict JSON, keys in the order given. Raises ValueError on NaN or infinity: JSON has none."""
-    atomic_write_text(path, json.dumps(content, indent=2, allow_nan=False) + "\n")
+    """Write to_json(content)."""
+    atomic_write_text(path, to_json(content) + "\n")
 
 
 def write_parquet(path: str | os.PathLike[str], table: "pa.Table") -> None:
@@ -68,9 +73,9 @@ def _is_special(path: str | os.PathLike[str]) -> bool:
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
 
 
-def _sync_folder(folder: Path) -> None:
-    """Make the rename itself last through a power cut."""
-    descriptor = os.open(folder, os.O_RDONLY)
+def sync(path: str | os.PathLike[str]) -> None:
+    """Make what was written to a file, or renamed in a folder, last through a power cut."""
+    descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
     finally:

@@ -44,13 +44,12 @@ class ObservationEncoder:
         self.robot = robot
         sectors = self.config.num_sectors
         angles = robot.lidar.angles_rad + robot.lidar.mount_yaw_rad
-        # Sector s is centred on the heading -pi + (s + 0.5) 2 pi / sectors: none is centred on a beam at -pi, so a
-        # mirrored scan gives mirrored sectors.
-        sector = np.floor((angles + math.pi) / (2.0 * math.pi) * sectors + 1e-9).astype(np.int64) % sectors
-        self._order = np.argsort(sector, kind="stable")
-        self._in_order = bool((self._order == np.arange(len(angles))).all())
-        self._covered, self._first = np.unique(sector[self._order], return_index=True)
-        centres = -math.pi + (np.arange(sectors) + 0.5) * 2.0 * math.pi / sectors
+        width = 2.0 * math.pi / sectors
+        centres = -math.pi + (np.arange(sectors) + 0.5) * width
+        # A beam on the border of two sectors is in both: a mirrored scan gives mirrored sectors.
+        away = np.abs(np.remainder(angles - centres[:, None] + math.pi, 2.0 * math.pi) - math.pi)  # (S, K)
+        sector, self._order = np.nonzero(away <= 0.5 * width + 1e-9)
+        self._covered, self._first = np.unique(sector, return_index=True)
         self._extent = _extent(robot, centres).astype(np.float32)
         self._log_scale = np.float32(1.0 / math.log1p(robot.lidar.max_range_m / self.config.near_m))
         self._inverse_near = np.float32(1.0 / self.config.near_m)
@@ -60,19 +59,23 @@ class ObservationEncoder:
         """D, the length of an observation."""
         return self.config.num_sectors + GOAL_FEATURES + TWIST_FEATURES + ACTION_FEATURES
 
+    @property
+    def limit(self) -> float:
+        """No number of a simulated observation is further from 0: a robot drives less than twice as fast as told."""
+        return 2.0 * max(1.0, -self.robot.min_speed_mps / self.robot.max_speed_mps)
+
     def encode(self, ranges: F32, goal: Array, twist: Array, last_action: F32) -> F32:
         """Encode N robots.
 
         ranges (N, K) metres; goal (N, 2) metres, in the robot's frame; twist (N, 2) m/s, rad/s; last_action (N, 2).
-        Each sector: 0 at contact, 1 at the LiDAR's greatest range, logarithmic between. A sector no beam falls in
-        reads 1.
+        Each sector: 0 at contact, just below 1 at the LiDAR's greatest range, logarithmic between. A sector no beam
+        falls in reads the greatest range.
         """
         sectors = self.config.num_sectors
         out = np.empty((len(ranges), self.size), dtype=np.float32)
         scan = out[:, :sectors]
         scan[:] = self.robot.lidar.max_range_m
-        ordered = ranges if self._in_order else ranges[:, self._order]
-        scan[:, self._covered] = np.minimum.reduceat(ordered, self._first, axis=1)
+        scan[:, self._covered] = np.minimum.reduceat(ranges.take(self._order, axis=1), self._first, axis=1)
         scan -= self._extent
         np.maximum(scan, 0.0, out=scan)
         scan *= self._inverse_near
@@ -115,15 +118,19 @@ def to_action(twist: Array, robot: RobotConfig) -> F32:
 
 
 def _extent(robot: RobotConfig, angles: Array) -> Array:
-    """(S,) distance from the robot's origin to its footprint's edge along each angle."""
+    """(S,) distance from the LiDAR to the footprint's edge along each angle; 0 for a LiDAR outside of it."""
+    mount = np.array([robot.lidar.mount_x_m, robot.lidar.mount_y_m])
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     if robot.radius_m is not None:
-        return np.full(len(angles), robot.radius_m)
+        # |mount + reach * direction| = radius
+        ahead = directions @ mount
+        reach = np.sqrt(np.maximum(ahead**2 + robot.radius_m**2 - mount @ mount, 0.0)) - ahead
+        return np.maximum(reach, 0.0) if math.hypot(*mount) < robot.radius_m else np.zeros(len(angles))
     corners = robot.polygon
     edges = np.roll(corners, -1, axis=0) - corners
     normals = np.stack([edges[:, 1], -edges[:, 0]], axis=1)  # outward, for counter-clockwise corners
-    offsets = (normals * corners).sum(axis=1)
-    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    offsets = (normals * (corners - mount)).sum(axis=1)
     along = directions @ normals.T
     with np.errstate(divide="ignore"):
         reach = np.where(along > 1e-12, offsets / along, np.inf)
-    return reach.min(axis=1)
+    return reach.min(axis=1) if (offsets > 0.0).all() else np.zeros(len(angles))

@@ -1,12 +1,12 @@
-"""Laws of the corrected reward: what is worth more than what, for every maturity and robot (design, section 4)."""
+"""Laws of the corrected reward: what is worth more than what, for every maturity and robot."""
 
 from functools import cache
 
 import numpy as np
 import pytest
-from reward_driving import FOR_EVER, ROBOTS, Driver, behaviours
 
 from adrl.rewards import RewardConfig, features, reward, terms, weights
+from reward_driving import FOR_EVER, ROBOTS, Driver, behaviours
 
 CONFIG = RewardConfig()
 GAMMA = 0.99
@@ -50,7 +50,11 @@ def test_no_loop_pays(maturity: float):
     The price may depend on the distance to the goal alone: a function of the distance is again a potential.
     """
     progress, t_obs, t_goal, t_stop = np.meshgrid(
-        np.linspace(-1, 1, 21), np.linspace(0, 1, 41), np.linspace(0, 1, 11), np.linspace(0, 1, 21), indexing="ij"
+        np.linspace(-1, 1, 21),
+        np.linspace(0, 1, 41),
+        np.linspace(0, 1, 11),
+        np.linspace(0, 1, 21),
+        indexing="ij",
     )
     w = weights(np.stack([t_obs, t_goal, t_stop], axis=-1), maturity, CONFIG)
     open_space = np.stack([0 * t_goal, t_goal, 0 * t_goal], axis=-1)

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -29,8 +30,8 @@ def a_step(**changes: object) -> Step:
         clearance_m=1.0,
         mean_displacement_m=0.06,
     )
-    arrays = {name: np.atleast_1d(value) for name, value in (values | changes).items()}
-    return Step(**arrays, max_speed_mps=0.6, max_yaw_rate_radps=1.5, dt_s=0.1)  # pyright: ignore[reportArgumentType]
+    arrays: Any = {name: np.atleast_1d(cast(Any, v)) for name, v in (values | changes).items()}
+    return Step(**arrays, max_speed_mps=0.6, max_yaw_rate_radps=1.5, dt_s=0.1)
 
 
 def term(name: str, **changes: object) -> float:
@@ -116,7 +117,7 @@ def test_shaping_weights_are_normalised_and_ends_fixed(t_obs: float, t_goal: flo
 
 
 def test_printed_rows_by_hand():
-    """Eqs 14 and 15 at T = (0.5, 0.25, 1), S = 0.5: 0.6 * 0.5 * 0.5 + 0.05 = 0.2 and 0.8 * 0.5 + 0.05 = 0.45."""
+    """Eqs 14, 15 at T = (0.5, 0.25, 1), S = 0.5: 0.6 * 0.5 * 0.5 + 0.05 = 0.2 and 0.8 * 0.5 + 0.05 = 0.45."""
     w = weights(np.array([0.5, 0.25, 1.0]), 0.5, CONFIG)
     assert_allclose(w[3] / w[5], 0.2 / 0.45)
 
@@ -137,7 +138,9 @@ def test_reward_is_the_weighted_sum_in_numpy_and_in_jax():
     rng = np.random.default_rng(0)
     r = rng.normal(size=(4, 3, 6)).astype(np.float32)
     f = rng.random((4, 3, 3), dtype=np.float32)
-    by_hand = 0.01 * np.array([[(r[i, j] * weights(f[i, j], 0.3, CONFIG)).sum() for j in range(3)] for i in range(4)])
+    by_hand = 0.01 * np.array(
+        [[(r[i, j] * weights(f[i, j], 0.3, CONFIG)).sum() for j in range(3)] for i in range(4)]
+    )
     got = reward(r, f, 0.3, CONFIG)
     assert got.dtype == np.float32
     assert_allclose(got, by_hand, rtol=1e-5)

@@ -1,6 +1,7 @@
 """Robots: the registry, and TOML files as a second way to write the same dataclass."""
 
 import dataclasses
+import json
 import math
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from adrl.errors import ConfigError, UnknownName
 from adrl.types import LidarConfig, RobotConfig
-from adrl.worlds import ROBOTS, load_robot, registry
+from adrl.worlds import ROBOTS, load_robot, registry, robot_from_fields
 
 ALL_ROBOTS = pytest.mark.parametrize("name", ROBOTS)
 POSITIVE = st.floats(0.05, 5.0)
@@ -87,6 +88,7 @@ def test_a_robot_written_as_toml_reads_back_the_same(
     path = tmp_path_factory.mktemp("robot") / "other.toml"
     path.write_text(as_toml(robot))
     assert load_robot(path) == load_robot(str(path)) == robot
+    assert robot_from_fields(json.loads(json.dumps(dataclasses.asdict(robot)))) == robot
 
 
 def test_what_a_file_leaves_out_keeps_its_default(tmp_path: Path) -> None:

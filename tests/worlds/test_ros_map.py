@@ -9,11 +9,11 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from map_files import write_map
 
 from adrl import _core
 from adrl.errors import MapError
-from adrl.worlds.ros_map import load_grid, load_map
+from adrl.worlds.ros_map import load_grid, load_map, occupancy, read_header
+from map_files import write_map
 
 SHAPES = st.tuples(st.integers(1, 6), st.integers(1, 6))
 TempFolders = pytest.TempPathFactory
@@ -41,7 +41,11 @@ def server_value(pixel: list[int], mode: str, negate: bool, occupied: float, fre
     mode=st.sampled_from(["trinary", "scale", "raw"]),
     negate=st.booleans(),
     suffix=st.sampled_from([".pgm", ".png"]),
-    thresholds=st.tuples(st.floats(0.01, 0.5), st.floats(0.51, 1.0)),
+    # Grey levels among the thresholds: p equal to a threshold is unknown.
+    thresholds=st.tuples(
+        st.one_of(st.floats(0.01, 0.5), st.integers(1, 127).map(lambda v: v / 255.0)),
+        st.one_of(st.floats(0.51, 1.0), st.integers(130, 254).map(lambda v: v / 255.0)),
+    ),
 )
 def test_a_grey_map_is_read_as_map_server_reads_it(
     tmp_path_factory: TempFolders,
@@ -77,7 +81,9 @@ def test_a_grey_map_is_read_as_map_server_reads_it(
 def test_colour_and_alpha_are_read_as_map_server_reads_them(
     tmp_path_factory: TempFolders, pixels: Any, mode: str
 ) -> None:
-    value = [[server_value([int(c) for c in pixel], mode, False, 0.65, 0.196) for pixel in row] for row in pixels]
+    value = [
+        [server_value([int(c) for c in pixel], mode, False, 0.65, 0.196) for pixel in row] for row in pixels
+    ]
     expected = np.array([[not 0 <= v < 50 for v in row] for row in value])
     assume(not expected.all())
     path = write_map(tmp_path_factory.mktemp("map"), pixels, ".png", mode=mode)
@@ -100,6 +106,13 @@ def test_a_map_saved_in_black_and_white_comes_back(
     np.testing.assert_array_equal(grid.solid, solid)
     np.testing.assert_array_equal(grid.observed_free, ~solid)
     assert (grid.resolution_m, grid.origin) == (resolution, origin)
+
+
+def test_a_cell_exactly_at_a_threshold_is_unknown(tmp_path: Path) -> None:
+    path = write_map(tmp_path, [[255]], free_thresh=51 / 255.0, occupied_thresh=153 / 255.0)
+    header = read_header(path)
+    probability = np.array([[50, 51, 52, 152, 153, 154]]) / 255.0
+    assert occupancy(probability, probability >= 0.0, header).tolist() == [[0, -1, -1, -1, -1, 100]]
 
 
 def test_sixteen_bits_a_pixel_and_palettes_mean_the_same_grey(tmp_path: Path) -> None:
@@ -187,7 +200,9 @@ def test_a_bad_header_is_named_with_its_fault(tmp_path: Path, header: dict[str, 
     assert str(tmp_path) in str(caught.value)
 
 
-@pytest.mark.parametrize("text", ["", "- 1\n- 2\n", "just text", "a: [", "a: b: c", "when: 2020-13-45", "[" * 5000])
+@pytest.mark.parametrize(
+    "text", ["", "- 1\n- 2\n", "just text", "a: [", "a: b: c", "when: 2020-13-45", "[" * 5000]
+)
 def test_what_is_not_a_yaml_mapping_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "map.yaml"
     path.write_text(text)

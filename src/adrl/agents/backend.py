@@ -1,4 +1,4 @@
-"""JAX as this package wants it. Every module here imports jax from this one, so the settings precede its start."""
+"""JAX as this package wants it. Every module here imports jax from this one: settings precede its start."""
 
 import importlib.util
 import os
@@ -8,7 +8,7 @@ GPU_PLUGINS = ("jax_cuda12_plugin", "jax_cuda13_plugin", "jax_rocm60_plugin", "j
 
 
 def _pin_platform() -> None:
-    """CPU unless a GPU plugin is installed or JAX_PLATFORMS says otherwise: probing for others warns and takes time."""
+    """CPU unless a GPU plugin is installed or JAX_PLATFORMS says otherwise: a search warns and takes time."""
     if not any(importlib.util.find_spec(name) for name in GPU_PLUGINS):
         os.environ.setdefault("JAX_PLATFORMS", "cpu")
 
@@ -27,7 +27,7 @@ def cache_folder() -> Path:
     return Path(base) / "adrl" / "jax"
 
 
-if jax.config.jax_compilation_cache_dir is None:
+if getattr(jax.config, "jax_compilation_cache_dir", None) is None:
     jax.config.update("jax_compilation_cache_dir", str(cache_folder()))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)

@@ -41,17 +41,24 @@ class Checkpoint:
     def part(self, name: str) -> Arrays:
         """One part's arrays. Raises CheckpointError naming the file if it was not saved."""
         if name not in self.parts:
-            raise CheckpointError(f"{self.path / name}.safetensors: no such file; the checkpoint is incomplete")
+            raise CheckpointError(
+                f"{self.path / name}.safetensors: no such file; the checkpoint is incomplete"
+            )
         return self.parts[name]
 
 
 def save(run: Path, env_steps: int, state: Mapping[str, Any], parts: Mapping[str, Arrays]) -> Path:
-    """Write a checkpoint and delete the older ones. Raises OSError; what was there before then still loads."""
+    """Write a checkpoint and delete the older ones; one of as many env_steps stays as it is.
+
+    Raises OSError; what was there before then still loads.
+    """
     folder = run / FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     _clear(folder)
-    name = f"{env_steps:012d}"
-    new = folder / f".new-{name}"
+    final = folder / f"{env_steps:012d}"
+    if final.exists():
+        return final
+    new = folder / f".new-{final.name}"
     new.mkdir()
     for part, arrays in parts.items():
         path = new / f"{part}.safetensors"
@@ -59,9 +66,6 @@ def save(run: Path, env_steps: int, state: Mapping[str, Any], parts: Mapping[str
         _sync(path)
     write_json(new / STATE_FILE, {"schema_version": SCHEMA_VERSION, "parts": sorted(parts)} | dict(state))
     _sync(new)
-    final = folder / name
-    if final.exists():
-        _retire(final)
     new.rename(final)
     _sync(folder)
     for older in _complete(folder):
@@ -72,13 +76,15 @@ def save(run: Path, env_steps: int, state: Mapping[str, Any], parts: Mapping[str
 
 
 def load(run: Path) -> Checkpoint | None:
-    """The newest checkpoint of a run folder, or None if it has none. Raises CheckpointError naming the bad file."""
+    """The newest checkpoint of a run folder, or None. Raises CheckpointError naming the bad file."""
     folders = _complete(run / FOLDER)
     if not folders:
         return None
     path = folders[-1]
     state = _read_state(path / STATE_FILE)
-    return Checkpoint(path, state, {part: _read_arrays(path / f"{part}.safetensors") for part in state["parts"]})
+    return Checkpoint(
+        path, state, {part: _read_arrays(path / f"{part}.safetensors") for part in state["parts"]}
+    )
 
 
 def exists(run: Path) -> bool:
@@ -86,11 +92,24 @@ def exists(run: Path) -> bool:
     return bool(_complete(run / FOLDER))
 
 
+def require_same(path: Path, saved: Any, given: Any, name: str = "config") -> None:
+    """Raises CheckpointError naming the first value in which a resumed run differs from its checkpoint."""
+    if isinstance(given, dict) and isinstance(saved, dict):
+        for key in sorted(given.keys() | saved.keys()):
+            require_same(path, saved.get(key), given.get(key), f"{name}.{key}")
+        return
+    plain = list(given) if isinstance(given, tuple) else given
+    if saved != plain:
+        raise CheckpointError(f"{path}: was written with {name} = {saved!r}, this run has {plain!r}")
+
+
 def _read_state(path: Path) -> dict[str, Any]:
     try:
         state = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise CheckpointError(f"{path}: no such file; the checkpoint is incomplete, delete its folder") from None
+        raise CheckpointError(
+            f"{path}: no such file; the checkpoint is incomplete, delete its folder"
+        ) from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise CheckpointError(f"{path}: truncated, or not a JSON file ({error})") from None
     if not isinstance(state, dict) or state.get("schema_version") != SCHEMA_VERSION:
@@ -102,7 +121,9 @@ def _read_arrays(path: Path) -> Arrays:
     try:
         return load_file(path)
     except FileNotFoundError:
-        raise CheckpointError(f"{path}: no such file; the checkpoint is incomplete, delete its folder") from None
+        raise CheckpointError(
+            f"{path}: no such file; the checkpoint is incomplete, delete its folder"
+        ) from None
     except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"{path}: truncated, or not a safetensors file ({error})") from None
 
@@ -115,7 +136,7 @@ def _complete(folder: Path) -> list[Path]:
 
 
 def _retire(path: Path) -> None:
-    """Take a checkpoint's name away before its files go: a half-deleted one is never mistaken for a whole one."""
+    """Take a checkpoint's name away before its files go: no half-deleted one passes for a whole one."""
     path.rename(path.with_name(f".old-{path.name}"))
 
 

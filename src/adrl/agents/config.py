@@ -1,7 +1,8 @@
-"""Configuration of the learner. Times count gradient updates or environment steps as named; actions are in [-1, 1]."""
+"""The learner's configuration. Intervals count updates or environment steps; actions are in [-1, 1]."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 from adrl.errors import ConfigError
 from adrl.imitation.schedule import ScheduleConfig
@@ -65,7 +66,7 @@ class TrainConfig:
     steps: int | None = None
     """Environment steps over all rows; a run of so many steps resumes to the same bytes."""
     max_seconds: float | None = None
-    """Wall clock since the start time handed to train(), which may lie before demonstrations and compilation."""
+    """Wall clock of the run, demonstrations and compilation included."""
     updates_per_iteration: int = 4
     """Gradient updates for each step of the vector environment; a multiple of policy_delay."""
     replay_capacity: int = 500_000
@@ -73,11 +74,11 @@ class TrainConfig:
     start_steps: int = 2048
     """Environment steps before the first online update."""
     pretrain_updates: int = 1000
-    """Updates on demonstrations alone before the first environment step; the actor only clones. Skipped without any."""
+    """Updates on demonstrations alone before the first environment step; the actor only clones."""
     critic_warmup_updates: int = 500
-    """Online updates during which the actor only clones: values of a cold critic would undo what was cloned."""
+    """Online updates during which the actor only clones: a cold critic would undo what was cloned."""
     exploration_std: tuple[float, float] = (0.05, 0.4)
-    """Action noise of the first and of the last row of the environment; the rows between are spaced evenly."""
+    """Standard deviation of the action noise of the first and of the last robot; evenly spaced between."""
     default_maturity: float = 0.5
     """S where there is no probe to measure it: weighs the reward and stays."""
     log_interval_steps: int = 6400
@@ -107,4 +108,12 @@ class TrainConfig:
             )
         low, high = self.exploration_std
         if not 0.0 <= low <= high <= 2.0:
-            raise ConfigError(f"TrainConfig.exploration_std is {self.exploration_std}; give 0 <= first <= last <= 2")
+            raise ConfigError(
+                f"TrainConfig.exploration_std is {self.exploration_std}; give 0 <= first <= last <= 2"
+            )
+
+    def comparable(self) -> dict[str, Any]:
+        """The configuration without the budget: a run may be resumed to go on for longer."""
+        content = asdict(self)
+        del content["steps"], content["max_seconds"]
+        return content

@@ -1,4 +1,4 @@
-"""The learner: replay, networks and schedule. It samples, updates and matures; the loop in train.py drives it."""
+"""The learner: replay, networks and schedule. It samples, updates and matures; train.py drives it."""
 
 import zlib
 from dataclasses import replace
@@ -11,7 +11,7 @@ from adrl.agents import networks, td3
 from adrl.agents.backend import jax, jnp
 from adrl.agents.config import TrainConfig
 from adrl.agents.losses import Batch, ExpertBatch, Weights
-from adrl.agents.replay import Demonstrations, ExpertReplay, Replay, mix
+from adrl.agents.replay import Demonstrations, Replay
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import CheckpointError
 from adrl.imitation import schedule
@@ -38,10 +38,7 @@ class Learner:
         self._rng = rng
         rows = max(config.replay_capacity // num_envs, 1)
         of_targets = config.td3.n_step, config.td3.gamma
-        self.replay = Replay(rows, num_envs, observation_size, *of_targets)
-        self.expert = ExpertReplay(demonstrations, *of_targets) if demonstrations is not None else None
-        if self.expert is not None:
-            self.expert.require_size(observation_size)
+        self.replay = Replay(rows, num_envs, observation_size, *of_targets, demonstrations)
         self._probe = None if probe is None else jnp.array(probe.observation, copy=True)
         self._bounds = None if probe is None else BoundsTable(probe, config.td3.gamma, config.reward)
         self._shape = td3.make_shape(observation_size, config.td3, config.reward)
@@ -57,6 +54,11 @@ class Learner:
         self.online_updates = 0
 
     @property
+    def has_expert(self) -> bool:
+        """Whether there are demonstrations."""
+        return self.replay.expert_steps > 0
+
+    @property
     def updates(self) -> int:
         """Gradient updates so far."""
         return self.pretrain_updates + self.online_updates
@@ -69,12 +71,12 @@ class Learner:
     @property
     def alpha(self) -> float:
         """alpha(t) (eq 3); 0 without demonstrations."""
-        return schedule.alpha(self.maturity, self._config.schedule) if self.expert is not None else 0.0
+        return schedule.alpha(self.maturity, self._config.schedule) if self.has_expert else 0.0
 
     @property
     def lambda_bc(self) -> float:
         """lambda(t) (eq 5); 0 without demonstrations."""
-        return schedule.lambda_bc(self.maturity, self._config.schedule) if self.expert is not None else 0.0
+        return schedule.lambda_bc(self.maturity, self._config.schedule) if self.has_expert else 0.0
 
     @property
     def expert_rows(self) -> int:
@@ -84,7 +86,7 @@ class Learner:
     @property
     def pretraining(self) -> bool:
         """Whether updates on demonstrations alone are still due."""
-        return self.expert is not None and self.pretrain_updates < self._config.pretrain_updates
+        return self.has_expert and self.pretrain_updates < self._config.pretrain_updates
 
     def update(self) -> None:
         """Sample and start updates_per_iteration updates; they run while the caller goes on."""
@@ -108,7 +110,7 @@ class Learner:
     def mature(self) -> None:
         """Measure S if it is due (eqs 2, 13). Waits for the running updates."""
         since = self.online_updates - self._measured_at
-        if self._bounds is None or since < self._config.schedule.interval_updates:
+        if self._probe is None or self._bounds is None or since < self._config.schedule.interval_updates:
             return
         self.probe_value = float(self._probe_value(self.state, self._probe))
         self.bounds = self._bounds.at(self._schedule.maturity)
@@ -156,7 +158,7 @@ class Learner:
         }
 
     def restore(self, arrays: dict[str, NDArray[Any]], numbers: dict[str, Any]) -> None:
-        """Continue from arrays() and numbers(). Raises CheckpointError if they are of other networks or data."""
+        """Continue from arrays() and numbers(). Raises CheckpointError if they are of other nets or data."""
         if numbers["data"] != self.fingerprint():
             raise CheckpointError("the checkpoint was trained with other demonstrations or another probe")
         leaves, treedef = jax.tree_util.tree_flatten_with_path(self.state)
@@ -177,24 +179,20 @@ class Learner:
 
     def fingerprint(self) -> list[int]:
         """Checksums of the demonstrations and of the probe: a resumed run must be given the same."""
-        expert = 0 if self.expert is None else zlib.crc32(self.expert.arrays["observation"].tobytes())
         probe = 0 if self._probe is None else zlib.crc32(np.asarray(self._probe).tobytes())
-        return [expert, probe]
+        return [self.replay.checksum(), probe]
 
     def _sample(self, expert_rows: int, updates: int) -> Batch:
         """Mixed batches (eq 4) with axes (updates / policy_delay, policy_delay, B, ...)."""
         online_rows = self._config.td3.batch_size - expert_rows
-        expert = self.expert.sample(self._rng, updates * expert_rows) if self.expert and expert_rows else None
-        online = self.replay.sample(self._rng, updates * online_rows) if online_rows else None
-        mixed = mix(expert, online, updates)
+        batches = self.replay.sample(self._rng, updates, online_rows, expert_rows)
         delay = self._config.td3.policy_delay
-        return Batch(*(field.reshape(-1, delay, *field.shape[1:]) for field in mixed))
+        return Batch(*(field.reshape(-1, delay, *field.shape[1:]) for field in batches))
 
     def _sample_labels(self, count: int) -> ExpertBatch | None:
-        """Cloning batches with axes (count, M, ...); None where nothing is ever cloned: plain TD3 pays for none."""
+        """Cloning batches (count, M, ...); None where nothing is ever cloned: plain TD3 pays for none."""
         config = self._config
-        clones = config.schedule.lambda_max > 0.0 or config.pretrain_updates + config.critic_warmup_updates > 0
-        if self.expert is None or not clones:
+        warms_up = config.pretrain_updates + config.critic_warmup_updates > 0
+        if not self.has_expert or not (config.schedule.lambda_max > 0.0 or warms_up):
             return None
-        labels = self.expert.sample_labels(self._rng, count * config.td3.bc_batch_size)
-        return ExpertBatch(*(field.reshape(count, -1, *field.shape[1:]) for field in labels))
+        return self.replay.sample_labels(self._rng, (count, config.td3.bc_batch_size))

@@ -1,54 +1,57 @@
 """The losses of TD3 and the cloning term of eq 6. Pure functions of parameters and a batch."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from adrl.agents import networks
 from adrl.agents.backend import jax, jnp
 from adrl.agents.config import Td3Config
 from adrl.agents.networks import Sizes
-from adrl.rewards import RewardConfig, reward
+from adrl.rewards import REWARD_TERMS, RewardConfig, reward
 
 Array = jax.Array
+Rows = Any
+"""An array: numpy's on its way in, JAX's inside the update."""
+Scalar = jax.Array | np.floating | float
 
 
 class Batch(NamedTuple):
     """Rows of the mixed buffer D = (1 - alpha) D1 + alpha D2 (eq 4). n is the number of steps of a target."""
 
-    observation: Array
+    observation: Rows
     """(B, D) s_t."""
-    action: Array
+    action: Rows
     """(B, 2) executed a_t."""
-    terms: Array
-    """(B, n, R) reward terms of the steps t, t+1, ..."""
-    features: Array
-    """(B, n, F) features of the states those steps were taken in."""
-    step_discount: Array
+    signals: Rows
+    """(B, n, R + F) of the steps t, t+1, ...: reward terms, then features of the states left."""
+    step_discount: Rows
     """(B, n) gamma^j where step t+j belongs to the episode of step t, else 0."""
-    bootstrap_observation: Array
+    bootstrap_observation: Rows
     """(B, D) the true successor of the window's last step."""
-    bootstrap_discount: Array
+    bootstrap_discount: Rows
     """(B,) gamma^k after a window of k steps; 0 if it ended by termination, not if by truncation."""
-    target_noise: Array
+    target_noise: Rows
     """(B, 2) standard normal numbers for the target's action."""
 
 
 class ExpertBatch(NamedTuple):
     """Rows of D2 for the cloning term."""
 
-    observation: Array
+    observation: Rows
     """(M, D)."""
-    action: Array
+    action: Rows
     """(M, 2) the expert's label a_e, not the executed action."""
 
 
 class Weights(NamedTuple):
     """What the schedule says today: scalars, so that a new value compiles nothing."""
 
-    maturity: Array | float
+    maturity: Scalar
     """S(t), which forms the reward (eqs 14-17)."""
-    lambda_bc: Array | float
+    lambda_bc: Scalar
     """lambda(t) (eq 5)."""
-    q_weight: Array | float
+    q_weight: Scalar
     """1, or 0 while the critic warms up and the actor only clones."""
 
 
@@ -61,19 +64,27 @@ class Shape(NamedTuple):
     reward: RewardConfig
 
 
-def targets(actor: Array, critics: Array, batch: Batch, weights: Weights, shape: Shape) -> Array:
+def n_step_returns(batch: Batch, weights: Weights, config: RewardConfig) -> Array:
+    """sum_j gamma^j r_{t+j}, the reward formed here from the stored terms with today's S (eq 17): (..., B).
+
+    It depends on no network, so one pass serves all batches of a call.
+    """
+    terms, features = jnp.split(batch.signals, [len(REWARD_TERMS)], axis=-1)
+    rewards = reward(terms, features, weights.maturity, config)  # (..., B, n, R) -> (..., B, n)
+    return (rewards * batch.step_discount).sum(axis=-1)
+
+
+def targets(actor: Array, critics: Array, batch: Batch, returns: Array, shape: Shape) -> Array:
     """y = sum_j gamma^j r_{t+j} + gamma^k (1 - terminated) min_i Q'_i(s_{t+k}, a'): (B,).
 
-    a' = clip(pi'(s_{t+k}) + clip(noise)). The reward is formed here from the stored terms with today's S (eq 17).
-    actor, critics: parameters of the target networks.
+    a' = clip(pi'(s_{t+k}) + clip(noise)). returns: (B,) the sum. actor, critics: the target networks.
     """
     td3 = shape.td3
-    rewards = reward(batch.terms, batch.features, weights.maturity, shape.reward)  # (B, n, R) -> (B, n)
     noise = jnp.clip(td3.target_noise_std * batch.target_noise, -td3.target_noise_clip, td3.target_noise_clip)
     successor = batch.bootstrap_observation
     action = jnp.clip(networks.actor(actor, successor, shape.actor) + noise, -1.0, 1.0)
     q1, q2 = networks.twin_critics(critics, successor, action, shape.critic, td3.critic_layer_norm)
-    return (rewards * batch.step_discount).sum(axis=-1) + batch.bootstrap_discount * jnp.minimum(q1, q2)
+    return returns + batch.bootstrap_discount * jnp.minimum(q1, q2)
 
 
 def critic_loss(critics: Array, batch: Batch, target: Array, shape: Shape) -> tuple[Array, Array]:
@@ -85,12 +96,17 @@ def critic_loss(critics: Array, batch: Batch, target: Array, shape: Shape) -> tu
 
 
 def actor_loss(
-    actor: Array, critics: Array, observation: Array, expert: ExpertBatch | None, weights: Weights, shape: Shape
+    actor: Array,
+    critics: Array,
+    observation: Array,
+    expert: ExpertBatch | None,
+    weights: Weights,
+    shape: Shape,
 ) -> Array:
     """-E[Q_1(s, pi(s))] + lambda max(mean |Q_1|, floor) E_D2[|pi(s) - a_e|^2] (eq 6).
 
-    This is eq 6 with Q divided by its mean absolute value, times that value: lambda means the same for any scale of
-    the reward, and lambda = 0 leaves TD3's gradient untouched.
+    This is eq 6 with Q divided by its mean absolute value, times that value: lambda means the same for any
+    scale of the reward, and lambda = 0 leaves TD3's gradient untouched.
     """
     action = networks.actor(actor, observation, shape.actor)
     q = networks.first_critic(critics, observation, action, shape.critic, shape.td3.critic_layer_norm)

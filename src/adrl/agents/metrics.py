@@ -1,4 +1,4 @@
-"""What a run reports: rows of metrics.jsonl, the same numbers to TensorBoard, and the episodes since the last row."""
+"""What a run reports: rows of metrics.jsonl, the same to TensorBoard, and the episodes since the last row."""
 
 import json
 import math
@@ -32,18 +32,21 @@ class MetricsLog:
 
         self._path = run / METRICS_FILE
         run.mkdir(parents=True, exist_ok=True)
-        self._file = open(self._path, "ab")
+        self._file = open(self._path, "ab")  # noqa: SIM115 - open for as long as the run
         found = self._file.tell()
         if found < length:
             self._file.close()
-            raise CheckpointError(f"{self._path}: has {found} bytes, the checkpoint was written after {length}")
+            raise CheckpointError(
+                f"{self._path}: has {found} bytes, the checkpoint was written after {length}"
+            )
         self._file.truncate(length)
-        purge = {"purge_step": env_steps} if length else {}
-        self._board = SummaryWriter(str(run / TENSORBOARD_FOLDER), **purge)
+        self._board = SummaryWriter(str(run / TENSORBOARD_FOLDER), purge_step=env_steps if length else None)
 
     def write(self, row: Mapping[str, float | int | None]) -> None:
         """Append a row: numbers, or None where one is undefined. Not-a-number is written as None."""
-        clean = {key: None if value is None or not math.isfinite(value) else value for key, value in row.items()}
+        clean = {
+            key: None if value is None or not math.isfinite(value) else value for key, value in row.items()
+        }
         self._file.write(json.dumps(clean, allow_nan=False).encode() + b"\n")
         self._file.flush()
         for key, value in clean.items():
@@ -64,7 +67,7 @@ class MetricsLog:
 
 @dataclass
 class EpisodeTally:
-    """Returns of running episodes, and what ended since the last row. Returns are undiscounted, under today's S."""
+    """Returns of running episodes, and what ended since the last row. Undiscounted, under today's S."""
 
     running: F32
     """(N,) return of the episodes that still run."""

@@ -1,75 +1,87 @@
 """Replay of reward terms, not rewards: what is sampled gets the reward of today's weights (eq 17).
 
-Arrays are time-major rings (T, N, ...), so that an n-step window is a run of rows. The successor of every step is
-stored beside it: an ended episode's next row in the ring is another episode's first. What leaves here is a fresh
-copy: JAX may alias an array it is handed, and the ring is written again.
+Online data D1 and demonstrations D2 share one store, so that a mixed batch (eq 4) is one gather: first a ring
+of T steps for each of N environments, then the M steps of the demonstrations. The steps of an environment lie
+side by side, so an n-step window is one read. The successor of every step is stored beside it: an ended
+episode's next row is another episode's first. What leaves here is a fresh copy: JAX may alias an array it is
+handed, and the ring is written again.
 """
 
-from typing import Any, Protocol
+import zlib
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adrl.agents.losses import Batch, ExpertBatch
 from adrl.errors import CheckpointError, DatasetError
+from adrl.imitation.demonstrations import Demonstrations
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 NUM_TERMS, NUM_FEATURES, ACTION_SIZE = 6, 3, 2
-
-
-class Demonstrations(Protocol):
-    """Expert data D2: M steps, each episode's in order, the last one of each marked terminated or truncated."""
-
-    @property
-    def observation(self) -> F32: ...  # (M, D) s_t
-    @property
-    def action(self) -> F32: ...  # (M, 2) executed
-    @property
-    def expert_action(self) -> F32: ...  # (M, 2) the expert's label
-    @property
-    def next_observation(self) -> F32: ...  # (M, D) true successor
-    @property
-    def reward_terms(self) -> F32: ...  # (M, R)
-    @property
-    def features(self) -> F32: ...  # (M, F) of s_t
-    @property
-    def terminated(self) -> Mask: ...  # (M,)
-    @property
-    def truncated(self) -> Mask: ...  # (M,)
+CONTINUES, TERMINATED, TRUNCATED = 0, 1, 2
+"""What a step does to its episode."""
 
 
 class Replay:
-    """A ring of T rows of N environments."""
+    """The mixed buffer D. Sampling is split in two: indices of windows, then what is in them."""
 
-    def __init__(self, rows: int, num_envs: int, observation_size: int, n_step: int, gamma: float) -> None:
-        """rows: T, at least n_step. n_step, gamma: of the targets sampled from it."""
+    def __init__(
+        self,
+        rows: int,
+        num_envs: int,
+        observation_size: int,
+        n_step: int,
+        gamma: float,
+        demonstrations: Demonstrations | None = None,
+    ) -> None:
+        """rows: T, at least n_step. n_step, gamma: of the targets. Raises DatasetError if D differs."""
         self.n_step = n_step
         self.rows = max(rows, n_step)
         self.num_envs = num_envs
-        self._discounts = (gamma ** np.arange(n_step + 1)).astype(np.float32)
-        shape = (self.rows, num_envs)
+        self.expert_steps = 0 if demonstrations is None else len(demonstrations.observation)
+        self._discounts = [np.float32(gamma**k) for k in range(n_step + 1)]
+        self._ring = num_envs * self.rows
+        size = self._ring + self.expert_steps
         # np.zeros takes memory only as it is written.
-        self.arrays: dict[str, NDArray[Any]] = {
-            "observation": np.zeros((*shape, observation_size), np.float32),
-            "next_observation": np.zeros((*shape, observation_size), np.float32),
-            "action": np.zeros((*shape, ACTION_SIZE), np.float32),
-            "terms": np.zeros((*shape, NUM_TERMS), np.float32),
-            "features": np.zeros((*shape, NUM_FEATURES), np.float32),
-            "terminated": np.zeros(shape, np.bool_),
-            "truncated": np.zeros(shape, np.bool_),
+        self._store: dict[str, NDArray[Any]] = {
+            "observation": np.zeros((size, observation_size), np.float32),
+            "next_observation": np.zeros((size, observation_size), np.float32),
+            "action": np.zeros((size, ACTION_SIZE), np.float32),
+            "signals": np.zeros((size, NUM_TERMS + NUM_FEATURES), np.float32),
+            "ending": np.zeros(size, np.uint8),
         }
+        shape = num_envs, self.rows
+        self._online = {
+            name: a[: self._ring].reshape(*shape, *a.shape[1:]) for name, a in self._store.items()
+        }
+        self._labels = np.zeros((self.expert_steps, ACTION_SIZE), np.float32)
         self.head = 0
         """Row written next."""
         self.count = 0
         """Rows that hold data."""
-        self.margin = n_step - 1
-        """Newest rows that no window may start in: it would run over the write head."""
-        self._flatten()
+        if demonstrations is not None:
+            self._load(demonstrations, observation_size)
 
-    def _flatten(self) -> None:
-        self._flat = {name: a.reshape(-1, *a.shape[2:]) for name, a in self.arrays.items()}
+    def _load(self, data: Demonstrations, observation_size: int) -> None:
+        found = data.observation.shape[1]
+        if found != observation_size:
+            raise DatasetError(
+                f"demonstrations: an observation has {found} numbers, the environment's {observation_size}; "
+                "collect them with the same robot and encoder"
+            )
+        sources = {
+            "observation": data.observation,
+            "next_observation": data.next_observation,
+            "action": data.action,
+            "signals": np.concatenate([data.reward_terms, data.features], axis=1),
+            "ending": _ending(data.terminated, data.truncated),
+        }
+        for name, source in sources.items():
+            self._store[name][self._ring :] = source
+        self._labels[:] = data.expert_action
 
     def add(
         self,
@@ -82,148 +94,122 @@ class Replay:
         truncated: Mask,
     ) -> None:
         """Write one step of all N environments. next_observation: the true successors, before any reset."""
-        values = (observation, next_observation, action, terms, features, terminated, truncated)
-        for array, value in zip(self.arrays.values(), values, strict=True):
-            array[self.head] = value
-        self.head = (self.head + 1) % self.rows
+        online, head = self._online, self.head
+        online["observation"][:, head] = observation
+        online["next_observation"][:, head] = next_observation
+        online["action"][:, head] = action
+        online["signals"][:, head, :NUM_TERMS] = terms
+        online["signals"][:, head, NUM_TERMS:] = features
+        online["ending"][:, head] = _ending(terminated, truncated)
+        self.head = (head + 1) % self.rows
         self.count = min(self.count + 1, self.rows)
 
     @property
     def ready(self) -> bool:
-        """Whether a window fits."""
-        return self.count > self.margin
+        """Whether an online window fits."""
+        return self.count >= self.n_step
 
-    def sample(self, rng: np.random.Generator, count: int) -> Batch:
-        """Draw `count` windows uniformly. Arrays are (count, ...) and owned by the caller; target_noise is drawn too."""
-        oldest = self.head - self.count
-        time = oldest + rng.integers(self.count - self.margin, size=count)
-        env = rng.integers(self.num_envs, size=count)
-        noise = rng.standard_normal((count, ACTION_SIZE), dtype=np.float32)
-        return self.gather(time, env, noise)
+    def sample(self, rng: np.random.Generator, updates: int, online_rows: int, expert_rows: int) -> Batch:
+        """Batches of `updates` updates, the expert rows of each first: arrays (updates, rows, ...), fresh.
 
-    def gather(self, time: NDArray[np.int64], env: NDArray[np.int64], noise: F32) -> Batch:
-        """The windows that start at rows `time` (modulo the ring) of environments `env`, (B,) each.
-
-        A window stops after the step that ends its episode, terminated or truncated; it bootstraps from that step's
-        successor, unless it terminated.
+        Windows are drawn uniformly from each of the two buffers. target_noise is drawn too.
         """
-        steps = (time[:, None] + np.arange(self.n_step)) % self.rows  # (B, n)
-        window = steps * self.num_envs + env[:, None]
-        ended = self._take("terminated", window) | self._take("truncated", window)
-        alive = np.ones(window.shape, dtype=bool)
-        np.logical_and.accumulate(~ended[:, :-1], axis=1, out=alive[:, 1:])
-        length = alive.sum(axis=1)  # k of each window
-        last = window[np.arange(len(window)), length - 1]
-        terminated = self._take("terminated", last)
+        windows = np.empty((updates, expert_rows + online_rows, self.n_step), np.int64)
+        if expert_rows:
+            windows[:, :expert_rows] = self._expert_windows(rng, updates * expert_rows).reshape(
+                updates, expert_rows, -1
+            )
+        if online_rows:
+            windows[:, expert_rows:] = self._online_windows(rng, updates * online_rows).reshape(
+                updates, online_rows, -1
+            )
+        noise = rng.standard_normal((*windows.shape[:2], ACTION_SIZE), dtype=np.float32)
+        return self.gather(windows, noise)
+
+    def _online_windows(self, rng: np.random.Generator, count: int) -> NDArray[np.int64]:
+        """(count, n) indices. No window starts in the newest n - 1 rows: it would run over the write head."""
+        starts = self.count - self.n_step + 1
+        env, offset = np.divmod(rng.integers(self.num_envs * starts, size=count), starts)
+        steps = (self.head - self.count + offset)[:, None] + np.arange(self.n_step)
+        return steps % self.rows + (env * self.rows)[:, None]
+
+    def _expert_windows(self, rng: np.random.Generator, count: int) -> NDArray[np.int64]:
+        """(count, n) indices. A window stops at the end of its episode, so it may start anywhere."""
+        steps = rng.integers(self.expert_steps, size=count)[:, None] + np.arange(self.n_step)
+        return self._ring + np.minimum(steps, self.expert_steps - 1)
+
+    def gather(self, windows: NDArray[np.int64], noise: F32) -> Batch:
+        """(..., n) indices of windows -> their contents, arrays (..., ...).
+
+        A window stops after the step that ends its episode, terminated or truncated; it bootstraps from that
+        step's successor, unless it terminated.
+        """
+        ending = self._take("ending", windows)
+        step_discount = np.empty(windows.shape, np.float32)
+        step_discount[..., 0] = self._discounts[0]
+        alive = np.ones(windows.shape[:-1], bool)
+        last, last_ending = windows[..., 0], ending[..., 0]
+        bootstrap = np.full(windows.shape[:-1], self._discounts[1])
+        for j in range(1, self.n_step):
+            alive = alive & (ending[..., j - 1] == CONTINUES)
+            step_discount[..., j] = alive * self._discounts[j]
+            bootstrap = np.where(alive, self._discounts[j + 1], bootstrap)
+            last = np.where(alive, windows[..., j], last)
+            last_ending = np.where(alive, ending[..., j], last_ending)
+        first = windows[..., 0]
         return Batch(
-            observation=self._take("observation", window[:, 0]),
-            action=self._take("action", window[:, 0]),
-            terms=self._take("terms", window),
-            features=self._take("features", window),
-            step_discount=self._discounts[:-1] * alive,
+            observation=self._take("observation", first),
+            action=self._take("action", first),
+            signals=self._take("signals", windows),
+            step_discount=step_discount,
             bootstrap_observation=self._take("next_observation", last),
-            bootstrap_discount=self._discounts[length] * ~terminated,
+            bootstrap_discount=bootstrap * (last_ending != TERMINATED),
             target_noise=noise,
         )
 
     def _take(self, name: str, index: NDArray[np.int64]) -> NDArray[Any]:
         # "wrap" skips numpy's slow bounds check; every index is inside already.
-        return np.take(self._flat[name], index, axis=0, mode="wrap")
+        return np.take(self._store[name], index, axis=0, mode="wrap")
 
-    def newest(self, name: str, rows: int) -> NDArray[Any]:
-        """The last `rows` rows of an array, at most those that hold data: (rows, N, ...), a copy."""
+    def sample_labels(self, rng: np.random.Generator, shape: tuple[int, ...]) -> ExpertBatch:
+        """Draw demonstration rows uniformly: states and the expert's actions in them, (*shape, ...)."""
+        index = rng.integers(self.expert_steps, size=shape)
+        labels = np.take(self._labels, index, axis=0, mode="wrap")
+        return ExpertBatch(self._take("observation", self._ring + index), labels)
+
+    def newest(self, rows: int) -> tuple[F32, F32]:
+        """Reward terms and features of the last `rows` rows, at most those that hold data: (N, rows, ...)."""
         rows = min(rows, self.count)
-        return self.arrays[name][np.arange(self.head - rows, self.head) % self.rows]
+        signals = self._online["signals"][:, np.arange(self.head - rows, self.head) % self.rows]
+        return signals[..., :NUM_TERMS], signals[..., NUM_TERMS:]
+
+    def checksum(self) -> int:
+        """Of the demonstrations: a resumed run must be given the same."""
+        total = zlib.crc32(self._labels.tobytes())
+        for array in self._store.values():
+            total = zlib.crc32(array[self._ring :].tobytes(), total)
+        return total
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """The rows that hold data, and the head: enough for a byte-equal resume. Views, not copies."""
-        filled = {name: array[: self.count] for name, array in self.arrays.items()}
+        """The online rows that hold data, and the head: enough for a byte-equal resume."""
+        filled = {name: array[:, : self.count] for name, array in self._online.items()}
         return filled | {"position": np.array([self.head, self.count], dtype=np.int64)}
 
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
         """Continue from what state() returned. Raises CheckpointError if it is of another shape."""
         head, count = (int(x) for x in state["position"])
         if not (0 <= head < self.rows and 0 <= count <= self.rows):
-            raise CheckpointError(f"replay has {self.rows} rows, the checkpoint was written with more")
-        for name, array in self.arrays.items():
-            if state[name].shape != (count, *array.shape[1:]) or state[name].dtype != array.dtype:
+            raise CheckpointError(f"the checkpoint's replay has more than this run's {self.rows} rows")
+        for name, array in self._online.items():
+            expected = (self.num_envs, count, *array.shape[2:])
+            if state[name].shape != expected or state[name].dtype != array.dtype:
                 raise CheckpointError(
-                    f"replay array {name!r} is {state[name].shape}, expected {(count, *array.shape[1:])}"
+                    f"the checkpoint's replay {name!r} is {state[name].shape}, not {expected}"
                 )
-            array[:count] = state[name]
+            array[:, :count] = state[name]
         self.head, self.count = head, count
 
 
-class ExpertReplay(Replay):
-    """The demonstrations D2 as windows, and as rows for the cloning term."""
-
-    def __init__(self, data: Demonstrations, n_step: int, gamma: float) -> None:
-        """Raises DatasetError if arrays disagree in length or hold NaN, or the last episode is not ended."""
-        _check(data)
-        rows = len(data.observation)
-        super().__init__(rows, 1, data.observation.shape[1], n_step, gamma)
-        sources = {
-            "observation": data.observation,
-            "next_observation": data.next_observation,
-            "action": data.action,
-            "terms": data.reward_terms,
-            "features": data.features,
-            "terminated": data.terminated,
-            "truncated": data.truncated,
-        }
-        for name, source in sources.items():
-            self.arrays[name][:rows, 0] = source
-        self.count, self.head = rows, rows % self.rows
-        # Every window stops at the end of its episode, so it may start anywhere.
-        self.margin = 0
-        self._label = np.ascontiguousarray(data.expert_action, dtype=np.float32)
-
-    def require_size(self, observation_size: int) -> None:
-        """Raises DatasetError if the observations are not of this length."""
-        found = self.arrays["observation"].shape[-1]
-        if found != observation_size:
-            raise DatasetError(
-                f"the demonstrations' observations have {found} numbers, the environment's {observation_size}; "
-                "collect them with the same robot and encoder"
-            )
-
-    def sample_labels(self, rng: np.random.Generator, count: int) -> ExpertBatch:
-        """Draw `count` rows uniformly: states and the expert's actions in them."""
-        index = rng.integers(self.count, size=count)
-        return ExpertBatch(self._take("observation", index), self._label[index])
-
-
-def _check(data: Demonstrations) -> None:
-    rows = len(data.observation)
-    if rows == 0:
-        raise DatasetError("the demonstrations hold no step; collect some first")
-    widths = {
-        "observation": data.observation.shape[1:],
-        "next_observation": data.observation.shape[1:],
-        "action": (ACTION_SIZE,),
-        "expert_action": (ACTION_SIZE,),
-        "reward_terms": (NUM_TERMS,),
-        "features": (NUM_FEATURES,),
-        "terminated": (),
-        "truncated": (),
-    }
-    for name, width in widths.items():
-        array = getattr(data, name)
-        if array.shape != (rows, *width):
-            raise DatasetError(f"demonstrations.{name} is {array.shape}, expected {(rows, *width)}")
-        if not np.isfinite(array).all():
-            raise DatasetError(f"demonstrations.{name} holds NaN or infinity")
-    if not (data.terminated[-1] or data.truncated[-1]):
-        raise DatasetError("the demonstrations' last step ends no episode; mark it truncated")
-
-
-def mix(expert: Batch | None, online: Batch | None, updates: int) -> Batch:
-    """D = (1 - alpha) D1 + alpha D2 (eq 4): batches of `updates` * rows each -> arrays (updates, rows, ...).
-
-    Each update's rows are the expert's first, then the online ones.
-    """
-    parts = [part for part in (expert, online) if part is not None and len(part.observation)]
-    split = [[field.reshape(updates, -1, *field.shape[1:]) for field in part] for part in parts]
-    if len(split) == 1:
-        return Batch(*split[0])
-    return Batch(*(np.concatenate(fields, axis=1) for fields in zip(*split, strict=True)))
+def _ending(terminated: Mask, truncated: Mask) -> NDArray[np.uint8]:
+    """Termination wins where both are set: a terminated state has no value to bootstrap from."""
+    return np.where(terminated, TERMINATED, np.where(truncated, TRUNCATED, CONTINUES)).astype(np.uint8)

@@ -1,10 +1,10 @@
 """TD3: the learner's state and its compiled update. Pure functions; the loop around them is in train.py.
 
-  for each pair (policy_delay) of batches:
-      y       = n-step target                      losses.targets
-      critics = Adam(critics, critic_loss)         each batch
-      actor   = Adam(actor, actor_loss)            last batch
-      targets = polyak(targets, networks)
+for each pair (policy_delay) of batches:
+    y       = n-step target                      losses.targets
+    critics = Adam(critics, critic_loss)         each batch
+    actor   = Adam(actor, actor_loss)            last batch
+    targets = polyak(targets, networks)
 """
 
 from collections.abc import Callable
@@ -52,8 +52,8 @@ class UpdateInfo(NamedTuple):
 
 
 Update = Callable[[LearnerState, Batch, ExpertBatch | None, Weights], tuple[LearnerState, Array, UpdateInfo]]
-"""State (donated), batches with leading axes (U / policy_delay, policy_delay), expert batches (U / policy_delay), weights
--> new state, a copy of the actor's parameters, info."""
+"""State (donated), batches (U / policy_delay, policy_delay, ...), expert batches (U / policy_delay, ...),
+weights -> new state, a copy of the actor's parameters, info."""
 
 
 def make_shape(observation_size: int, td3: Td3Config, reward: RewardConfig) -> Shape:
@@ -72,15 +72,21 @@ def init_state(rng: np.random.Generator, shape: Shape) -> LearnerState:
         return Adam(jnp.zeros(vector.shape), jnp.zeros(vector.shape), jnp.zeros(()))
 
     # Each leaf owns its memory: the state is donated, and a buffer cannot be given away twice.
-    copies = [jnp.array(vector, copy=True) for vector in (actor, critics, actor, critics)]
-    return LearnerState(*copies, fresh(actor), fresh(critics))
+    return LearnerState(
+        actor=jnp.array(actor),
+        critics=jnp.array(critics),
+        target_actor=jnp.array(actor),
+        target_critics=jnp.array(critics),
+        actor_adam=fresh(actor),
+        critic_adam=fresh(critics),
+    )
 
 
 def make_update(shape: Shape) -> Update:
     """Compile the update of a shape: one call runs all batches it is given."""
 
-    def update_critics(state: LearnerState, batch: Batch, weights: Weights) -> tuple[LearnerState, UpdateInfo]:
-        target = losses.targets(state.target_actor, state.target_critics, batch, weights, shape)
+    def update_critics(state: LearnerState, batch: Batch, returns: Array) -> tuple[LearnerState, UpdateInfo]:
+        target = losses.targets(state.target_actor, state.target_critics, batch, returns, shape)
         gradient_of = jax.value_and_grad(losses.critic_loss, has_aux=True)
         (loss, q_mean), gradient = gradient_of(state.critics, batch, target, shape)
         critics, adam = _adam(state.critics, gradient, state.critic_adam, shape.td3.critic_learning_rate)
@@ -108,19 +114,19 @@ def make_update(shape: Shape) -> Update:
         state: LearnerState, batches: Batch, experts: ExpertBatch | None, weights: Weights
     ) -> tuple[LearnerState, Array, UpdateInfo]:
         def delayed(
-            state: LearnerState, rows: tuple[Batch, ExpertBatch | None]
+            state: LearnerState, rows: tuple[Batch, Array, ExpertBatch | None]
         ) -> tuple[LearnerState, list[UpdateInfo]]:
-            pair, expert = rows
-            infos = []
-            batch = pair
+            several, returns, expert = rows
+            batch, infos = several, []
             for i in range(shape.td3.policy_delay):
-                batch = Batch(*(field[i] for field in pair))
-                state, info = update_critics(state, batch, weights)
+                batch = Batch(*(field[i] for field in several))
+                state, info = update_critics(state, batch, returns[i])
                 infos.append(info)
             state = update_targets(update_actor(state, batch, expert, weights))
             return state, infos
 
-        state, infos = jax.lax.scan(delayed, state, (batches, experts))
+        returns = losses.n_step_returns(batches, weights, shape.reward)
+        state, infos = jax.lax.scan(delayed, state, (batches, returns, experts))
         means = UpdateInfo(*(jnp.stack(values).mean() for values in zip(*infos, strict=True)))
         return state, state.actor, means
 

@@ -27,7 +27,7 @@ ACTION_SIZE = 2
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyConfig:
-    """What a policy was trained for. Saved beside its weights; `extra` keys of the file are kept as they are."""
+    """What a policy was trained for. Saved beside its weights."""
 
     input_size: int
     """D, the length of an observation."""
@@ -82,7 +82,7 @@ class MlpPolicy:
 
 
 def load_policy(folder: str | os.PathLike[str]) -> MlpPolicy:
-    """Read a policy from a run folder. Raises CheckpointError naming the file that is missing, truncated or foreign."""
+    """Read a policy from a run folder. Raises CheckpointError naming a missing, truncated or foreign file."""
     config = _read_config(Path(folder) / CONFIG_FILE)
     path = Path(folder) / WEIGHTS_FILE
     try:
@@ -113,7 +113,9 @@ def _layers(path: Path, tensors: Mapping[str, NDArray[Any]], config: PolicyConfi
             pair.append(tensor)
         layers.append((pair[0], pair[1]))
     if foreign := sorted(tensors.keys() - expected):
-        raise CheckpointError(f"{path}: holds a foreign tensor {foreign[0]!r}; {CONFIG_FILE} is of another policy")
+        raise CheckpointError(
+            f"{path}: holds a foreign tensor {foreign[0]!r}; {CONFIG_FILE} is of another policy"
+        )
     return layers
 
 
@@ -127,11 +129,14 @@ def _read_config(path: Path) -> PolicyConfig:
     if not isinstance(content, dict) or not {"schema_version", "input_size", "widths"} <= content.keys():
         raise CheckpointError(f"{path}: not the config of an ADRL policy; it lacks input_size or widths")
     if content.pop("schema_version") != SCHEMA_VERSION:
-        raise CheckpointError(f"{path}: written by another version of ADRL; schema_version is not {SCHEMA_VERSION}")
+        raise CheckpointError(
+            f"{path}: written by another version of ADRL; schema_version is not {SCHEMA_VERSION}"
+        )
     known = {f.name for f in fields(PolicyConfig)} - {"extra"}
-    values = {name: content.pop(name) for name in known & content.keys()}
+    values: dict[str, Any] = {name: content.pop(name) for name in known & content.keys()}
     _check_values(path, values)
-    return PolicyConfig(**(values | {"widths": tuple(values["widths"])}), extra=content)
+    values["widths"] = tuple(values["widths"])
+    return PolicyConfig(**values, extra=content)
 
 
 def _check_values(path: Path, values: Mapping[str, Any]) -> None:
@@ -151,4 +156,6 @@ def _check_values(path: Path, values: Mapping[str, Any]) -> None:
     }
     for name, good in checks.items():
         if not good:
-            raise CheckpointError(f"{path}: {name} is {values[name]!r}; the file was edited or is of another program")
+            raise CheckpointError(
+                f"{path}: {name} is {values[name]!r}; the file was edited or is of another program"
+            )

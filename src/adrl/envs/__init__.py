@@ -1,6 +1,4 @@
-"""Gymnasium environments over the batch simulator: adrl/Nav-v0, alone and vectorised."""
-
-import gymnasium
+"""Gymnasium environments over the batch simulator: adrl/Nav-v0, alone and vectorised; see adrl.registration."""
 
 from adrl.envs.nav_env import NavEnv
 from adrl.envs.nav_sim import NavSim, Outcome
@@ -8,8 +6,3 @@ from adrl.envs.randomization import MILD, NOMINAL, Randomization
 from adrl.envs.vector_env import NavVectorEnv
 
 __all__ = ["MILD", "NOMINAL", "NavEnv", "NavSim", "NavVectorEnv", "Outcome", "Randomization"]
-
-if "adrl/Nav-v0" not in gymnasium.registry:
-    gymnasium.register(
-        "adrl/Nav-v0", entry_point="adrl.envs:NavEnv", vector_entry_point="adrl.envs:NavVectorEnv"
-    )

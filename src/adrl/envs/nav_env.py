@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from adrl.envs.render import Renderer
 from adrl.envs.vector_env import RENDER_FPS, NavVectorEnv
+from adrl.rewards import FEATURES, REWARD_TERMS
 
 F32 = NDArray[np.float32]
 
@@ -26,10 +27,17 @@ class NavEnv(gymnasium.Env[F32, F32]):
         self._renderer = Renderer() if render_mode is not None else None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[F32, dict[str, Any]]:
-        """Start a new episode. Returns the (D,) observation and info."""
+        """Start a new episode. Returns the (D,) observation, and info with the entries of a step's, all zero."""
         super().reset(seed=seed)
-        observation, info = self._env.reset(seed=seed, options=options)
+        observation, _ = self._env.reset(seed=seed, options=options)
         self._show()
+        # Recorders such as minari.DataCollector need the same entries from reset() and step().
+        info: dict[str, Any] = {
+            "reward_terms": np.zeros(len(REWARD_TERMS), dtype=np.float32),
+            "features": np.zeros(len(FEATURES), dtype=np.float32),
+            "success": np.False_,
+            "collision": np.False_,
+        }
         return observation[0], info
 
     def step(self, action: F32) -> tuple[F32, float, bool, bool, dict[str, Any]]:

@@ -66,12 +66,17 @@ class NavSim:
         config = _core.SimConfig()
         config.lookahead_m = LOOKAHEAD_M if guidance == "map" else 0.0
         config.dwa_lookahead_m = min(max(1.5 * robot.max_speed_mps, 0.5), 3.0)
-        self._sim = _core.BatchSim(num_envs, num_threads, robot.native, config, self.b)
+        self.native = _core.BatchSim(num_envs, num_threads, robot.native, config, self.b)
         self.tasks: list[Task | None] = [None] * num_envs
         self._time_limit_s = np.full(num_envs, np.inf)
         self._last_action = np.zeros((num_envs, 2), dtype=np.float32)
         self._displacements = np.zeros((num_envs, STAGNATION_WINDOW))
         self._features = np.zeros((num_envs, 3), dtype=np.float32)
+
+    @property
+    def num_threads(self) -> int:
+        """Threads that step the robots, this one included."""
+        return self.native.num_threads
 
     def reset(
         self, indices: NDArray[np.intp], tasks: Sequence[Task], seeds: NDArray[np.uint64], rng: np.random.Generator
@@ -80,14 +85,14 @@ class NavSim:
         mask = np.zeros(self.num_envs, dtype=np.uint8)
         for i, task in zip(indices, tasks, strict=True):
             self.tasks[i] = task
-            self._sim.set_task(int(i), task.native)
+            self.native.set_task(int(i), task.native)
             self._time_limit_s[i] = task.time_limit_s
         mask[indices] = 1
         self.b["seed"][indices] = seeds
         self.b["params"][indices] = draw_params(self.robot, self._randomization, len(indices), rng)
         self.b["active"][indices] = 1
         self._last_action[indices] = to_action(np.zeros((1, 2)), self.robot)
-        self._sim.reset(mask)
+        self.native.reset(mask)
         # A robot that has just started is not stagnant: its window begins full.
         self._displacements[indices] = self.robot.max_speed_mps * self.robot.control_period_s
         self._features[indices] = features(self._snapshot(), self.reward)[indices]
@@ -108,7 +113,7 @@ class NavSim:
         before_distance = self._distance()
         self._last_action = np.clip(actions, -1.0, 1.0).astype(np.float32)
         b["command"][:] = to_twist(actions, self.robot)
-        self._sim.step()
+        self.native.step()
         moved = np.hypot(*(b["pose"][:, :2] - before_pose[:, :2]).T)
         self._displacements = np.concatenate([self._displacements[:, 1:], moved[:, None]], axis=1)
         reached, collided = b["reached"].astype(bool), b["collided"].astype(bool)
@@ -132,7 +137,7 @@ class NavSim:
     def expert_actions(self) -> F32:
         """(N, 2) actions of A*+DWA in the current states. It knows the world, the path and where discs will be."""
         command = np.zeros((self.num_envs, 2))
-        self._sim.plan(command)
+        self.native.plan(command)
         return to_action(command, self.robot)
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -156,7 +161,7 @@ class NavSim:
         for i, task in enumerate(tasks):
             self.tasks[i] = task
             if task is not None:
-                self._sim.set_task(i, task.native)
+                self.native.set_task(i, task.native)
 
     def _distance(self) -> Array:
         """(N,) metres to the goal: along the path for guidance `map`, straight otherwise."""

@@ -16,7 +16,7 @@ from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig
 from adrl.rewards import RewardConfig, reward
 from adrl.types import RobotConfig, Scenario, Task
-from adrl.worlds import get_scenario, load_robot, task_set
+from adrl.worlds import get_scenario, load_robot, robot_from_fields, task_set
 
 F32 = NDArray[np.float32]
 
@@ -59,12 +59,12 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         num_envs: int = 1,
         *,
         scenario: str | Scenario = "clutter",
-        robot: str | RobotConfig = "diffbot",
+        robot: str | RobotConfig | Mapping[str, Any] = "diffbot",
         guidance: str = "goal",
         split: str = "train",
         task_pool: int = 512,
         randomize: bool | Randomization = True,
-        encoder: EncoderConfig | None = None,
+        encoder: EncoderConfig | Mapping[str, Any] | None = None,
         reward_config: RewardConfig | None = None,
         maturity: float = 0.5,
         seed: int = 0,
@@ -74,6 +74,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
     ) -> None:
         """split, task_pool: tasks are drawn from the first `task_pool` ones of the split.
 
+        robot, encoder: also as their fields, as JSON gives them.
         randomize: False for the nominal robot, True for mild variation, or a Randomization.
         maturity: S of eq 13, which sets the reward weights (eqs 14-16); the learner overrides it as it matures.
         seed: used until reset(seed=...) gives another. num_threads: 0 takes one per core.
@@ -82,7 +83,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         if num_envs < 1:
             raise ConfigError(f"num_envs is {num_envs}; give 1 or more")
         self.num_envs = num_envs
-        self.robot = robot if isinstance(robot, RobotConfig) else load_robot(robot)
+        self.robot = robot_from_fields(robot) if isinstance(robot, Mapping) else load_robot(robot)
         self.scenario = get_scenario(scenario)
         randomization = {True: MILD, False: NOMINAL}[randomize] if isinstance(randomize, bool) else randomize
         self.sim = NavSim(
@@ -90,7 +91,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             self.robot,
             guidance=guidance,
             randomization=randomization,
-            encoder=encoder,
+            encoder=EncoderConfig(**encoder) if isinstance(encoder, Mapping) else encoder,
             reward=reward_config,
             num_threads=num_threads,
         )
@@ -102,8 +103,8 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         self.metadata = self.metadata | {"autoreset_mode": self._autoreset}
         self._rng = np.random.Generator(np.random.PCG64(seed))
         self._task_index = np.zeros(num_envs, dtype=np.int64)
-        size = self.sim.encoder.size
-        self.single_observation_space = spaces.Box(-1.0, np.inf, (size,), np.float32)
+        size, limit = self.sim.encoder.size, self.sim.encoder.limit
+        self.single_observation_space = spaces.Box(-limit, limit, (size,), np.float32)
         self.single_action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)

@@ -1,4 +1,4 @@
-"""The probe: fixed start states, and what a random policy and the expert earn from them (Q_min, Q_max of eq 13)."""
+"""The probe: fixed start states, and what chance and the expert earn from them (Q_min, Q_max of eq 13)."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -89,8 +89,8 @@ class BoundsTable:
 def record_probe(env: ProbeEnv, seed: int, max_steps: int = 600) -> Probe:
     """Run a random policy and the expert from the same num_envs starts, at most max_steps each.
 
-    0.99^600 = 0.2 %: what later steps would add to a discounted return is below the probe's noise. A random action
-    is held for ten steps: drawn anew each step it would average out to standing still.
+    0.99^600 = 0.2 %: what later steps would add to a discounted return is below the probe's noise. A random
+    action is held for ten steps: drawn anew each step it would average out to standing still.
     """
     observation, _ = env.reset(seed=seed)
     observation = np.array(observation, dtype=np.float32)

@@ -17,7 +17,7 @@ class ScheduleConfig:
     alpha_min: float = 0.05
     """Share of expert rows in a batch that is never released."""
     alpha_max: float = 0.5
-    """Share of expert rows at S = 0. Near 1 learning is offline and the critic never sees its own mistakes."""
+    """Share of expert rows at S = 0. Near 1 learning is offline: the critic never sees its mistakes."""
     k_alpha: float = 8.0
     """k_alpha of eq 3: how sharply alpha falls with S."""
     b_alpha: float = 4.0
@@ -44,11 +44,13 @@ class ScheduleConfig:
                 raise ConfigError(f"schedule.{field.name} is {value}; give 0 or more")
         if not self.alpha_min <= self.alpha_max <= 1.0:
             raise ConfigError(
-                f"schedule.alpha_min is {self.alpha_min}, alpha_max {self.alpha_max}; give 0 <= min <= max <= 1"
+                f"schedule: alpha_min {self.alpha_min}, alpha_max {self.alpha_max}; give 0 <= min <= max <= 1"
             )
         for name in ("smoothing_updates", "rise_updates", "fall_updates", "interval_updates"):
             if getattr(self, name) <= 0:
-                raise ConfigError(f"schedule.{name} is {getattr(self, name)}; give a positive number of updates")
+                raise ConfigError(
+                    f"schedule.{name} is {getattr(self, name)}; give a positive number of updates"
+                )
 
 
 class MaturityState(NamedTuple):
@@ -72,7 +74,7 @@ class Bounds(NamedTuple):
 
 
 def alpha(maturity: float, config: ScheduleConfig) -> float:
-    """alpha = alpha_min + (alpha_max - alpha_min) sigma(b_alpha - k_alpha S) (eq 3): expert share of a batch."""
+    """alpha = alpha_min + (alpha_max - alpha_min) sigma(b_alpha - k_alpha S) (eq 3): expert rows' share."""
     released = 1.0 / (1.0 + math.exp(config.k_alpha * maturity - config.b_alpha))
     return config.alpha_min + (config.alpha_max - config.alpha_min) * released
 
@@ -83,7 +85,7 @@ def lambda_bc(maturity: float, config: ScheduleConfig) -> float:
 
 
 def measured_maturity(probe_value: float, bounds: Bounds) -> float:
-    """clip((Q - Q_min) / (Q_max - Q_min), 0, 1) (eq 13). 0 where the demonstrations are no better than chance."""
+    """clip((Q - Q_min) / (Q_max - Q_min), 0, 1) (eq 13). 0 where the expert is no better than chance."""
     span = bounds.high - bounds.low
     if span <= 1e-6:
         return 0.0
@@ -95,10 +97,10 @@ def update(
 ) -> MaturityState:
     """One measurement of S, dt_updates after the last.
 
-    probe_value is the mean over fixed start states of min_i Q'_i(s0, pi(s0)) (eq 2, corrected: a batch's mean would
-    depend on alpha itself). S moves the reward's weights, they move Q, and Q moves S. Three things break this loop:
-    the bounds are formed under the same weights as Q, the average is slow against the critic, and S falls ten times
-    slower than it may rise, so it cannot swing.
+    probe_value is the mean over fixed start states of min_i Q'_i(s0, pi(s0)) (eq 2, corrected: a batch's mean
+    would depend on alpha itself). S moves the reward's weights, they move Q, and Q moves S. Three things
+    break this loop: the bounds are formed under the same weights as Q, the average is slow against the
+    critic, and S falls ten times slower than it may rise, so it cannot swing.
     """
     updates = state.updates + dt_updates
     if updates <= config.warmup_updates:

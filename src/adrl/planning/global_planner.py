@@ -126,7 +126,7 @@ def nearest_free(space: FreeSpace, point: tuple[float, float]) -> Cell | None:
 def _nearest_free_text(space: FreeSpace, point: tuple[float, float]) -> str:
     cell = nearest_free(space, point)
     if cell is None:
-        return f"no place in this world has the {space.inflation_m:.2f} m of clearance that the robot needs"
+        return f"no place has the {space.inflation_m:.2f} m of clearance that the robot needs"
     return f"nearest free cell is {_place(space.grid.centre(cell))}"
 
 
@@ -136,7 +136,8 @@ def _why(space: FreeSpace, point: tuple[float, float], cell: Cell, robot: RobotC
     clearance = float(space.grid.clearance_m[cell])
     if clearance <= 0.0:
         return "is inside an obstacle"
-    return f"is {clearance:.2f} m from an obstacle and robot {robot.name!r} needs {space.inflation_m:.2f} m"
+    needs = f"robot {robot.name!r} needs {space.inflation_m:.2f} m"
+    return f"is about {clearance:.2f} m from an obstacle and {needs}"
 
 
 def _is_free(space: FreeSpace, cell: Cell) -> bool:

@@ -46,7 +46,8 @@ class PlanningGrid:
 
     def centre(self, cells: ArrayLike) -> Array:
         """(..., 2) row, column, whole or fractional -> (..., 2) x, y."""
-        return (np.asarray(cells, dtype=np.float64)[..., ::-1] + 0.5) * self.resolution_m + self.origin_m
+        x_y = np.asarray(cells, dtype=np.float64)[..., ::-1]
+        return np.ascontiguousarray((x_y + 0.5) * self.resolution_m + self.origin_m)
 
     def cell(self, points: ArrayLike) -> NDArray[np.intp]:
         """(..., 2) x, y -> (..., 2) row, column, which may lie outside."""
@@ -100,7 +101,8 @@ def planning_grid(world: World, limit_m: float, include: Iterable[tuple[float, f
     """
     x_min, y_min, x_max, y_max = world.bounds
     for x, y in include:
-        if not (x_min <= x <= x_max and y_min <= y <= y_max):
+        # A point on the upper border would fall into a cell beyond it.
+        if not (x_min <= x <= x_max - 1e-3 and y_min <= y <= y_max - 1e-3):
             x_min, y_min = min(x_min, x - 1.0), min(y_min, y - 1.0)
             x_max, y_max = max(x_max, x + 1.0), max(y_max, y + 1.0)
     resolution = _resolution(world, (x_max - x_min) * (y_max - y_min))

@@ -1,4 +1,4 @@
-"""Constants of the reward. Terms stay in the paper's numbers; `scale` brings their sum to a size critics like."""
+"""Constants of the reward. Terms keep the paper's numbers; `scale` brings their sum near 1."""
 
 import math
 from dataclasses import dataclass, fields
@@ -10,9 +10,9 @@ from adrl.errors import ConfigError
 class RewardConfig:
     """Constants of eqs 7 to 17, corrected forms. Stored with every run.
 
-    The weights keep this order for gamma <= 0.99: reaching the goal > standing, circling, spinning, orbiting >
-    crashing. Standing in the worst place costs at most 3.3 a step, 330 for ever; a crash costs failure_weight * 200.
-    A longer horizon needs a larger failure_weight.
+    The weights keep this order for gamma <= 0.99: reaching the goal > standing, circling, spinning, orbiting
+    > crashing. Standing in the worst place costs at most 3.3 a step, 330 for ever; a crash costs
+    failure_weight * 200. A longer horizon needs a larger failure_weight.
     """
 
     success_reward: float = 200.0
@@ -38,6 +38,4 @@ class RewardConfig:
             if not (math.isfinite(value) and value > 0.0):
                 raise ConfigError(f"reward.{field.name} is {value}; give a positive number")
         if self.stagnation_fraction >= 1.0:
-            raise ConfigError(
-                f"reward.stagnation_fraction is {self.stagnation_fraction}; give (0, 1), or a robot at full speed is stuck"
-            )
+            raise ConfigError(f"reward.stagnation_fraction is {self.stagnation_fraction}; give less than 1")

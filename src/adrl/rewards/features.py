@@ -1,4 +1,4 @@
-"""The three state features that set the weights (section III-B-2). The paper names them; the formulas are ours."""
+"""The three features that set the weights (section III-B-2). The paper names them; the formulas are ours."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from adrl.rewards.terms import Array, Step
 
 
 def threat(step: Step, config: RewardConfig) -> Array:  # (N,)
-    """T_obs = clip(1 - c / c_safe, 0, 1): 0 at the safe clearance, 1 at contact. Where it is above 0, r_o costs."""
+    """T_obs = clip(1 - c / c_safe, 0, 1): 0 at the safe clearance, 1 at contact. Above 0, r_o costs."""
     return np.clip(1.0 - step.clearance_m / config.safe_clearance_m, 0.0, 1.0)
 
 
@@ -20,7 +20,7 @@ def proximity(step: Step, config: RewardConfig) -> Array:  # (N,)
 
 
 def stop(step: Step, config: RewardConfig) -> Array:  # (N,)
-    """T_stop = clip(1 - p / d_m, 0, 1) for the mean displacement p of five steps: 1 for a robot that stands."""
+    """T_stop = clip(1 - p / d_m, 0, 1) for the mean displacement p of five steps: 1 for one that stands."""
     threshold_m = config.stagnation_fraction * step.max_step_m
     return np.clip(1.0 - step.mean_displacement_m / threshold_m, 0.0, 1.0)
 

@@ -1,4 +1,4 @@
-"""The reward, eq 17. Replay stores its R terms and F features; it is formed with today's S when they are sampled."""
+"""The reward, eq 17. Replay stores terms and features; the sum is formed with today's S when sampled."""
 
 from typing import Any
 

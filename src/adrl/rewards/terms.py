@@ -20,10 +20,10 @@ HEADING_DECAY = 2.0  # eq 10, 1/rad
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """What one control period did to N robots. Arrays are (N,); distances are to the goal given to the policy.
+    """What one control period did to N robots. Arrays are (N,); distances are to the policy's goal.
 
-    Both distances and both heading errors of a step are measured to the same goal point, also when guidance moves
-    the point after the step: only then do the differences of eq 10 add up along a path.
+    Both distances and both heading errors of a step are measured to the same goal point, also when guidance
+    moves the point after the step: only then do the differences of eq 10 add up along a path.
     """
 
     reached: Mask
@@ -59,7 +59,7 @@ def success(step: Step, config: RewardConfig) -> Array:  # (N,)
 
 
 def failure(step: Step, config: RewardConfig) -> Array:  # (N,)
-    """r_f = -200 on collision (eq 8). A timeout costs nothing: time is not observed, so it truncates instead."""
+    """r_f = -200 on collision (eq 8). A timeout costs nothing: time is not observed, so it truncates."""
     return -config.failure_penalty * step.collided
 
 
@@ -71,10 +71,11 @@ def motion(step: Step, config: RewardConfig) -> Array:  # (N,)
 
 
 def approach(step: Step, config: RewardConfig) -> Array:  # (N,)
-    """r_d = (d(t-1) - d(t) + 1/4 exp(-2 |h(t)|) - 1/4 exp(-2 |h(t-1)|)) / (v_max dt) (eq 10), h the heading error.
+    """r_d = (d(t-1) - d(t) + 1/4 exp(-2 |h(t)|) - 1/4 exp(-2 |h(t-1)|)) / (v_max dt) (eq 10), h heading.
 
-    The heading part is the integral over the step of eq 10's 0.5 exp(-2 |h|) times the decrease of |h|. Taken at the
-    step's end instead, turning to the goal and back pays 0.0194 m for each 0.15 rad; the integral pays nothing.
+    The heading part is the integral over the step of eq 10's 0.5 exp(-2 |h|) times the decrease of |h|. Taken
+    at the step's end instead, a turn of 0.15 rad to the goal and back pays 0.0194 m; the integral pays
+    nothing.
     """
     progress = step.previous_distance_m - step.distance_m
     facing = np.exp(-HEADING_DECAY * np.abs(step.heading_error_rad))
@@ -83,7 +84,7 @@ def approach(step: Step, config: RewardConfig) -> Array:  # (N,)
 
 
 def obstacle(step: Step, config: RewardConfig) -> Array:  # (N,)
-    """r_o = -5 clip((c_safe - c) / c_safe, 0, 1) for a clearance c (eq 11; c = d_ob - d_r, c_safe = d_safe - d_r)."""
+    """r_o = -5 clip((c_safe - c) / c_safe, 0, 1), clearance c = d_ob - d_r, c_safe = d_safe - d_r (eq 11)."""
     return -OBSTACLE_PENALTY * np.clip(1.0 - step.clearance_m / config.safe_clearance_m, 0.0, 1.0)
 
 

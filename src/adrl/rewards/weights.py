@@ -6,21 +6,21 @@ from typing import Any
 from adrl.rewards.config import RewardConfig
 
 # Rows take T_obs, T_goal, T_stop (arrays of one shape) and S, and give a weight before normalisation.
-# Why no loop pays although the weights change with the state: where T_obs lowers the reward for approaching, r_o
-# costs more than a retreat saves (5 * 0.15 > 0.6), and T_goal is a function of the distance alone.
+# Why no loop pays although the weights change with the state: where T_obs lowers the reward for approaching,
+# r_o costs more than a retreat saves (5 * 0.15 > 0.6), and T_goal is a function of the distance alone.
 SHAPING_ROWS: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
-    "motion": lambda t_obs, t_goal, t_stop, s: 0.3 - 0.1 * t_goal,  # ours: slower turns in front of the goal
-    "approach": lambda t_obs, t_goal, t_stop, s: 0.6 * (1.0 - t_obs) * (1.0 - s) + 0.1 * s,  # eq 14, T_goal -> 1
-    "obstacle": lambda t_obs, t_goal, t_stop, s: 0.15 + 0.15 * t_obs,  # ours: a threat counts more the nearer it is
-    "stagnation": lambda t_obs, t_goal, t_stop, s: 0.8 * t_stop * (1.0 - s) + 0.05,  # eq 15
+    "motion": lambda t_obs, t_goal, t_stop, s: 0.3 - 0.1 * t_goal,  # ours: turns are cheaper near the goal
+    "approach": lambda t_obs, t_goal, t_stop, s: 0.6 * (1.0 - t_obs) * (1.0 - s) + 0.1 * s,  # 14, T_goal = 1
+    "obstacle": lambda t_obs, t_goal, t_stop, s: 0.15 + 0.15 * t_obs,  # ours: a near threat counts more
+    "stagnation": lambda t_obs, t_goal, t_stop, s: 0.8 * t_stop * (1.0 - s) + 0.05,  # 15
 }
 
 
 def weights(features: Any, maturity: Any, config: RewardConfig) -> Any:
     """w'_i of eq 16: (..., F) features, S in [0, 1] -> (..., R) weights in the order of REWARD_TERMS.
 
-    The four shaping rows are divided by their sum. Success and failure keep a fixed weight: normalised with the
-    others, they would make a crash cheaper than standing in front of an obstacle.
+    The four shaping rows are divided by their sum. Success and failure keep a fixed weight: normalised with
+    the others, they would make a crash cheaper than standing in front of an obstacle.
     """
     xp = features.__array_namespace__()
     maturity = xp.asarray(maturity, dtype=features.dtype)

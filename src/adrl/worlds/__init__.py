@@ -11,7 +11,7 @@ from adrl.worlds.complex import Complex
 from adrl.worlds.dynamic import Dynamic
 from adrl.worlds.map_scenario import MapScenario
 from adrl.worlds.registry import look_up
-from adrl.worlds.robots import ROBOTS, load_robot
+from adrl.worlds.robots import ROBOTS, load_robot, robot_from_fields
 from adrl.worlds.ros_map import load_map
 from adrl.worlds.sdf import load_sdf
 from adrl.worlds.sdf_scenario import SdfScenario
@@ -32,6 +32,7 @@ __all__ = [
     "load_map",
     "load_robot",
     "load_sdf",
+    "robot_from_fields",
     "single_task",
     "task_set",
 ]

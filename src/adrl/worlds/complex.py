@@ -1,4 +1,4 @@
-"""complex: a walled square of 16 x 16 m, dense with walls, narrow gaps, U-traps, boxes and circles.
+"""complex: a walled square of 17 x 17 m, dense with walls, narrow gaps, U-traps, boxes and circles.
 
 Any two obstacles keep a gap that the robot fits through, so no place is shut off and every task is solvable;
 what makes it hard is that the gaps are narrow, the walls force detours and the traps open to any side.
@@ -22,29 +22,26 @@ class Complex:
     """Start and goal are about 21 m of shortest path apart, the length of the paper's Table I."""
 
     name: str = "complex"
-    size_m: float = 16.0
+    size_m: float = 17.0
     """Side of the walled square."""
     partitions: int = 2
-    """Walls from side to side, each with one or two gaps."""
+    """Walls from side to side, each with one to three gaps."""
     gap_m: tuple[float, float] = (0.7, 1.0)
     """Width of the gaps in walls and least distance of obstacles; widened for a robot that needs more."""
     traps: int = 4
     """U-traps: three thin boxes, open to one side."""
     walls: int = 4
     """Free-standing thin walls."""
-    boxes: int = 12
-    circles: int = 20
+    boxes: int = 14
+    circles: int = 22
     path_m: tuple[float, float] = (19.0, 23.0)
     """Least and greatest length of the shortest path."""
 
     def generate(self, rng: np.random.Generator, robot: RobotConfig) -> World:
         """Draw a world whose gaps this robot fits through."""
         layout = Layout(rng, self.size_m, _gap_range(self.gap_m, robot))
-        first_side = rng.integers(2)
         for i in range(self.partitions):
-            layout.add_partition(
-                (i + rng.uniform(0.85, 1.15)) / (self.partitions + 1), int(first_side + i) % 2
-            )
+            layout.add_partition((i + rng.uniform(0.85, 1.15)) / (self.partitions + 1))
         layout.transpose_half_of_the_time()
         layout.scatter(self.traps, _draw_trap)
         layout.scatter(self.walls, _draw_wall)
@@ -62,7 +59,7 @@ class Complex:
         """As task(), with the free space it was drawn from; its clearances reach to limit_m at least."""
         low, high = self.path_m
         return draw_in_new_world(
-            self, rng, robot, path_range_m=self.path_m, straight_range_m=(0.75 * low, high), limit_m=limit_m
+            self, rng, robot, path_range_m=self.path_m, straight_range_m=(0.78 * low, high), limit_m=limit_m
         )
 
 
@@ -121,7 +118,7 @@ class Layout:
     """Obstacles of a world under construction. Each new one keeps a gap to all that stand."""
 
     THICKNESS_M = 0.15
-    TRIES = 60
+    TRIES = 30
 
     def __init__(self, rng: np.random.Generator, size_m: float, gap_m: tuple[float, float]) -> None:
         self._rng = rng
@@ -130,10 +127,10 @@ class Layout:
         self._discs = np.empty((0, 3))
         self._items: list[Item] = []
 
-    def add_partition(self, at: float, side: int) -> None:
-        """A thin wall along x = at * size, with one or two gaps in its lower (0) or upper (1) half."""
+    def add_partition(self, at: float) -> None:
+        """A thin wall along x = at * size, with one to three gaps."""
         x = at * self._size_m
-        gaps = np.sort(self._rng.uniform(0.06, 0.46, self._rng.integers(1, 3)) + 0.48 * side) * self._size_m
+        gaps = np.sort(self._rng.uniform(0.06, 0.94, self._rng.integers(1, 4))) * self._size_m
         low = 0.0
         pieces = []
         for middle in gaps:

@@ -4,6 +4,7 @@ import dataclasses
 import math
 import os
 import tomllib
+from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -96,16 +97,21 @@ def _read_robot(path: Path) -> RobotConfig:
         raise ConfigError(f"robot file {path} cannot be read: {error}") from None
     except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise ConfigError(f"robot file {path} is not valid TOML: {error}") from None
-    table.setdefault("name", path.stem)
-    if "footprint_m" in table:
-        table.setdefault("radius_m", None)
     try:
-        fields = _checked(table, RobotConfig, "")
-        if "lidar" in table:
-            fields["lidar"] = LidarConfig(**_checked(table["lidar"], LidarConfig, "lidar."))
-        return RobotConfig(**fields)
+        return robot_from_fields({"name": path.stem} | table)
     except ConfigError as error:
         raise ConfigError(f"robot file {path}: {error}") from None
+
+
+def robot_from_fields(table: Mapping[str, Any]) -> RobotConfig:
+    """A robot from its fields as TOML or JSON give them. Raises ConfigError naming the wrong field."""
+    table = {key: value for key, value in table.items() if value is not None}
+    if "footprint_m" in table:
+        table.setdefault("radius_m", None)
+    fields = _checked(table, RobotConfig, "")
+    if "lidar" in table:
+        fields["lidar"] = LidarConfig(**_checked(table["lidar"], LidarConfig, "lidar."))
+    return RobotConfig(**fields)
 
 
 def _checked(table: Any, config: type, prefix: str) -> dict[str, Any]:
@@ -151,6 +157,8 @@ def _number(key: str, value: Any) -> float:
 
 
 def _corners(value: Any) -> tuple[tuple[float, float], ...]:
-    if not isinstance(value, list) or not all(isinstance(pair, list) and len(pair) == 2 for pair in value):
+    if not isinstance(value, list | tuple) or not all(
+        isinstance(p, list | tuple) and len(p) == 2 for p in value
+    ):
         raise ConfigError("footprint_m must be a list of corners [x, y] in metres")
     return tuple((_number("footprint_m", x), _number("footprint_m", y)) for x, y in value)

@@ -81,9 +81,10 @@ def draw_task(
 ) -> Task:
     """Draw start and goal such that the shortest path is within path_range_m.
 
-    straight_range_m: straight distance of the pairs tried; a path that is too long is cut and ends nearer.
-    None takes distances that suit path lengths drawn at random from path_range_m. Raises TaskError, which
-    says why, when no such pair turns up.
+    straight_range_m: straight distance of the pairs tried; a path that is too long is cut
+    and is dropped when start and goal are then too near. None takes distances that suit path lengths drawn at
+    random from path_range_m, and drops none.
+    Raises TaskError, which says why, when no such pair turns up.
     """
     cells, regions, resolution_m = tasks.cells, tasks.regions.ravel(), tasks.space.grid.resolution_m
     if len(cells) == 0:
@@ -102,7 +103,7 @@ def draw_task(
             continue
         pair = _cell(starts[fitting[0]], width), _cell(goals[fitting[0]], width)
         path = _path_within(tasks, *pair, path_range_m, rng)
-        if path is not None:
+        if path is not None and (straight_range_m is None or math.dist(path[0], path[-1]) >= low):
             yaw = float(rng.uniform(-math.pi, math.pi))
             return _task(world, (float(path[0, 0]), float(path[0, 1]), yaw), path, robot)
     raise TaskError(
@@ -137,7 +138,7 @@ def draw_in_new_world(
                 robot,
                 path_range_m=path_range_m,
                 straight_range_m=straight_range_m,
-                tries=12,
+                tries=24,
             )
         except TaskError as error:
             reason = str(error)
@@ -212,14 +213,14 @@ def _path_within(
         # Most pairs whose path is too short are found out by an A* on a sixteenth of the cells.
         a, b = ((row // COARSE, column // COARSE) for row, column in (start, goal))
         _, blocks = _core.astar(tasks.coarse, a, b)
-        if blocks * COARSE * tasks.space.grid.resolution_m < range_m[0]:
+        # Octile paths are up to 8 % longer than taut ones.
+        if blocks * COARSE * tasks.space.grid.resolution_m < 1.05 * range_m[0]:
             return None
     cells = grid_path(tasks.space, start, goal)
     path = shorten(tasks.space, cells)
     length = length_m(path)
     if length > range_m[1]:
-        # Any part of a shortest path is a shortest path. Keep a length drawn at random, so that not all are
-        # long.
+        # Any part of a shortest path is a shortest path. Its length is drawn, so that not all are long.
         wanted = rng.uniform(*range_m)
         last = int(wanted / length * (len(cells) - 1))
         path = shorten(tasks.space, np.ascontiguousarray(cells[: last + 1]))

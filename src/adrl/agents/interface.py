@@ -1,0 +1,63 @@
+"""What the training loop takes and gives."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.deploy.policy import MlpPolicy
+
+F32 = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+
+class TrainEnv(Protocol):
+    """What the loop needs of a vector environment (SAME_STEP autoreset); NavVectorEnv offers it."""
+
+    num_envs: int
+
+    def reset(self, *, seed: int | None = None) -> tuple[F32, dict[str, Any]]: ...
+
+    def step(self, actions: F32) -> tuple[F32, F32, Mask, Mask, dict[str, Any]]: ...
+
+    def state(self) -> dict[str, NDArray[Any]]: ...
+
+    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None: ...
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a run stands, for a progress bar."""
+
+    fraction: float
+    """Of the budget, 0 to 1."""
+    wall_s: float
+    env_steps: int
+    updates: int
+    episodes: int
+    maturity: float
+    alpha: float
+    lambda_bc: float
+    train_success: float | None
+    """Success of the exploring policy between the last two metrics rows."""
+    success: float | None
+    """The last evaluation's."""
+
+
+@dataclass(frozen=True)
+class TrainResult:
+    """A finished run."""
+
+    policy: MlpPolicy
+    folder: Path
+    env_steps: int
+    updates: int
+    episodes: int
+    train_seconds: float
+
+
+Evaluate = Callable[[MlpPolicy], Mapping[str, float]]
+"""Policy -> numbers for the metrics row, `success` among them. It must not touch the training environment."""

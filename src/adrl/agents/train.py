@@ -1,0 +1,270 @@
+"""The training loop.
+
+  pretrain:  clone the expert and warm the critics on demonstrations alone
+  loop:      mature    measure S on the probe (eqs 2, 13)
+             update    start gradient updates, alpha B of a batch's rows the expert's (eqs 3-6, 17)
+             act       with the actor of before these updates, so both run at once
+             record    reward terms, features and true successors
+             report    metrics, evaluation, checkpoint
+
+Everything random comes from one numpy generator, so a run of --steps that was killed resumes to the same
+bytes.
+"""
+
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.agents import checkpoint
+from adrl.agents.config import TrainConfig
+from adrl.agents.interface import Evaluate, Progress, TrainEnv, TrainResult
+from adrl.agents.learner import Learner
+from adrl.agents.metrics import METRICS_FILE, TENSORBOARD_FOLDER, EpisodeTally, MetricsLog, reward_row
+from adrl.agents.replay import ACTION_SIZE, Demonstrations
+from adrl.deploy.policy import MlpPolicy, PolicyConfig
+from adrl.errors import CheckpointError, ConfigError
+from adrl.imitation.probe import Probe
+from adrl.rewards import reward
+
+F32 = NDArray[np.float32]
+
+
+def train(
+    config: TrainConfig,
+    env: TrainEnv,
+    out: Path,
+    *,
+    policy_config: PolicyConfig | None = None,
+    demonstrations: Demonstrations | None = None,
+    probe: Probe | None = None,
+    evaluate: Evaluate | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
+    start_time_s: float | None = None,
+    resume: bool = False,
+) -> TrainResult:
+    """Train a policy and leave it in the run folder `out`.
+
+    policy_config: what is saved with the policy (input_size, widths and maturity are filled in here).
+    demonstrations: D2, none for plain TD3. probe: measures S, none to keep default_maturity.
+    start_time_s: of time.monotonic(); wall clock and max_seconds count from it. resume: from the newest
+    checkpoint, or from the start if there is none. Raises ConfigError, CheckpointError, DatasetError.
+    """
+    run = _Run(config, env, out, policy_config, demonstrations, probe, start_time_s)
+    run.evaluate, run.on_progress = evaluate, on_progress
+    run.begin(resume)
+    try:
+        while run.learner.pretraining and not run.spent():
+            run.learner.update()
+            run.tell()
+        while not run.spent():
+            run.iterate()
+        return run.finish()
+    finally:
+        run.close()
+
+
+class _Run:
+    """The state of a run, and its verbs."""
+
+    def __init__(
+        self,
+        config: TrainConfig,
+        env: TrainEnv,
+        out: Path,
+        policy_config: PolicyConfig | None,
+        demonstrations: Demonstrations | None,
+        probe: Probe | None,
+        start_time_s: float | None,
+    ) -> None:
+        self.config, self.env, self.out = config, env, out
+        self.evaluate: Evaluate | None = None
+        self.on_progress: Callable[[Progress], None] | None = None
+        self._started_s = time.monotonic() if start_time_s is None else start_time_s
+        self._rng = np.random.Generator(np.random.PCG64(config.seed))
+        self._observation = np.array(env.reset(seed=config.seed)[0], dtype=np.float32)
+        n, size = self._observation.shape
+        self.learner = Learner(config, n, size, demonstrations, probe, self._rng)
+        base = policy_config or PolicyConfig(input_size=size, widths=config.td3.widths)
+        self._policy_config = replace(base, input_size=size, widths=config.td3.widths)
+        self._noise_std = np.linspace(*config.exploration_std, n, dtype=np.float32)[:, None]
+        self._tally = EpisodeTally(np.zeros(n, np.float32))
+        self._env_steps, self._logged_at = 0, 0
+        self._train_success: float | None = None
+        self._success: float | None = None
+        self._log: MetricsLog | None = None
+
+    def wall_s(self) -> float:
+        """Seconds since the start, those before a resume included."""
+        return time.monotonic() - self._started_s
+
+    def spent(self) -> bool:
+        """Whether a budget is used up."""
+        config = self.config
+        over_steps = config.steps is not None and self._env_steps >= config.steps
+        return over_steps or (config.max_seconds is not None and self.wall_s() >= config.max_seconds)
+
+    def begin(self, resume: bool) -> None:
+        """Start afresh, or from the newest checkpoint."""
+        found = checkpoint.load(self.out) if resume else None
+        if found is not None:
+            self._restore(found)
+            return
+        if checkpoint.exists(self.out):
+            raise ConfigError(f"{self.out} holds a run; resume it, or give another folder")
+        # What a run left that was killed before its first checkpoint.
+        (self.out / METRICS_FILE).unlink(missing_ok=True)
+        shutil.rmtree(self.out / TENSORBOARD_FOLDER, ignore_errors=True)
+        self._log = MetricsLog(self.out)
+
+    def iterate(self) -> None:
+        """One step of all rows of the environment, and the updates that run beside it."""
+        learner = self.learner
+        policy = learner.policy(self._policy_config)
+        learner.mature()
+        if self._env_steps >= self.config.start_steps and learner.replay.ready:
+            learner.update()
+        self._step(self._explore(policy))
+        self.tell()
+        self._report()
+
+    def _explore(self, policy: MlpPolicy) -> F32:
+        """(N, 2) actions: the actor's with noise; uniform ones at first when nothing was cloned."""
+        shape = (len(self._observation), ACTION_SIZE)
+        if not self.learner.has_expert and self._env_steps < self.config.start_steps:
+            return self._rng.uniform(-1.0, 1.0, shape).astype(np.float32)
+        noise = self._noise_std * self._rng.standard_normal(shape, dtype=np.float32)
+        return np.clip(policy.act(self._observation) + noise, -1.0, 1.0).astype(np.float32, copy=False)
+
+    def _step(self, action: F32) -> None:
+        observation, _, terminated, truncated, info = self.env.step(action)
+        terms, features = info["reward_terms"], info["features"]
+        self.learner.replay.add(
+            self._observation, action, terms, features, info["final_obs"], terminated, truncated
+        )
+        rewards = reward(terms, features, self.learner.maturity, self.config.reward)
+        self._tally.add(rewards, terminated | truncated, info["success"])
+        self._observation = np.array(observation, dtype=np.float32)
+        self._env_steps += len(observation)
+
+    def _due(self, interval_steps: int | None) -> bool:
+        """Whether the last step crossed a multiple of the interval."""
+        if interval_steps is None:
+            return False
+        before = self._env_steps - len(self._observation)
+        return self._env_steps // interval_steps > before // interval_steps
+
+    def _report(self) -> None:
+        evaluation_due = self.evaluate is not None and self._due(self.config.eval_interval_steps)
+        if evaluation_due or self._due(self.config.log_interval_steps):
+            self._write_row(evaluation_due)
+        if self._due(self.config.checkpoint_interval_steps):
+            self._save()
+
+    def _write_row(self, evaluate: bool) -> None:
+        numbers: dict[str, float | int | None] = {"success": None}
+        if evaluate and self.evaluate is not None:
+            numbers |= self.evaluate(self.learner.policy(self._policy_config))
+            self._success = numbers["success"]
+        replay, n = self.learner.replay, len(self._observation)
+        rows = max((self._env_steps - self._logged_at) // n, 1)
+        recent = replay.newest(rows)
+        tally = self._tally.take()
+        self._train_success = tally["train_success"]
+        head = {"wall_s": self.wall_s(), "env_steps": self._env_steps, "episode": self._tally.total}
+        shaped = reward_row(*recent, self.learner.maturity, self.config.reward)
+        assert self._log is not None
+        self._log.write(head | self.learner.row() | tally | numbers | shaped)
+        self._logged_at = self._env_steps
+
+    def tell(self) -> None:
+        """Call the progress hook."""
+        if self.on_progress is None:
+            return
+        config, learner = self.config, self.learner
+        by_steps = self._env_steps / config.steps if config.steps else 0.0
+        by_time = self.wall_s() / config.max_seconds if config.max_seconds else 0.0
+        self.on_progress(
+            Progress(
+                fraction=min(max(by_steps, by_time), 1.0),
+                wall_s=self.wall_s(),
+                env_steps=self._env_steps,
+                updates=learner.updates,
+                episodes=self._tally.total,
+                maturity=learner.maturity,
+                alpha=learner.alpha,
+                lambda_bc=learner.lambda_bc,
+                train_success=self._train_success,
+                success=self._success,
+            )
+        )
+
+    def finish(self) -> TrainResult:
+        """Save the last checkpoint and the policy."""
+        seconds = self.wall_s()
+        self._save()
+        # After the checkpoint: a run that is resumed to go on writes no row here.
+        if self._logged_at < self._env_steps:
+            self._write_row(evaluate=False)
+        updates, episodes = self.learner.updates, self._tally.total
+        counts = {
+            "train_seconds": seconds,
+            "env_steps": self._env_steps,
+            "gradient_updates": updates,
+            "episodes": episodes,
+        }
+        extra = dict(self._policy_config.extra) | counts
+        policy = self.learner.policy(replace(self._policy_config, extra=extra))
+        policy.save(self.out)
+        return TrainResult(policy, self.out, self._env_steps, updates, episodes, seconds)
+
+    def close(self) -> None:
+        """Close the log."""
+        if self._log is not None:
+            self._log.close()
+
+    def _save(self) -> None:
+        assert self._log is not None
+        state = {
+            "config": self.config.comparable(),
+            "rng": self._rng.bit_generator.state,
+            "learner": self.learner.numbers(),
+            "tally": self._tally.state(),
+            "env_steps": self._env_steps,
+            "logged_at": self._logged_at,
+            "train_success": self._train_success,
+            "success": self._success,
+            "wall_s": self.wall_s(),
+            "metrics_bytes": self._log.position(),
+        }
+        parts = {
+            "learner": self.learner.arrays(),
+            "replay": self.learner.replay.state(),
+            "env": self.env.state(),
+            "loop": {"observation": self._observation, "running": self._tally.running},
+        }
+        checkpoint.save(self.out, self._env_steps, state, parts)
+
+    def _restore(self, saved: checkpoint.Checkpoint) -> None:
+        state = saved.state
+        try:
+            checkpoint.require_same(saved.path, state["config"], self.config.comparable())
+            self.learner.restore(saved.part("learner"), state["learner"])
+            self.learner.replay.set_state(saved.part("replay"))
+            self.env.set_state(saved.part("env"))
+            loop = saved.part("loop")
+            self._observation = loop["observation"]
+            self._tally = EpisodeTally(loop["running"], **state["tally"])
+            self._rng.bit_generator.state = state["rng"]
+            self._env_steps, self._logged_at = state["env_steps"], state["logged_at"]
+            self._train_success, self._success = state["train_success"], state["success"]
+            self._started_s -= state["wall_s"]
+            self._log = MetricsLog(self.out, state["metrics_bytes"], self._env_steps)
+        except (KeyError, TypeError, ValueError) as error:
+            raise CheckpointError(
+                f"{saved.path}: not a checkpoint of this kind of run ({error!r})"
+            ) from error

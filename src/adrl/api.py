@@ -1,0 +1,132 @@
+"""The Python API: what the commands do, as functions. adrl.train, adrl.evaluate and adrl.load_policy are these."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from adrl import files
+from adrl.baselines.planner import AStarDwaPolicy
+from adrl.deploy.policy import MlpPolicy, load_policy
+from adrl.errors import CheckpointError, ConfigError
+from adrl.evaluation.results import RunMeta, Summary, summarise, write_episodes
+from adrl.evaluation.rollout import PrivilegedPolicy, Rollout, rollout
+from adrl.observation import EncoderConfig
+from adrl.types import Policy, RobotConfig, Scenario, Task
+from adrl.runs import RunConfig, train
+from adrl.agents.config import TrainConfig
+from adrl.worlds import get_scenario, load_robot, robot_from_fields, task_set
+
+__all__ = ["Evaluation", "RunConfig", "TrainConfig", "evaluate", "load_policy", "train"]
+
+PLANNER = "astar-dwa"
+DEFAULT = "default"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluation:
+    """An evaluation's results: the JSON document of design section 9, and what it was made from."""
+
+    summary: Summary
+    rollout: Rollout
+    tasks: Sequence[Task]
+
+
+def default_policy_folder() -> Path:
+    """Folder of the policy that ships with the package."""
+    return Path(str(resources.files("adrl") / "policies" / DEFAULT))
+
+
+def resolve_policy(policy: str | Path) -> Path:
+    """Run folder of a policy: `default` is the shipped one. Raises CheckpointError naming the nearest run."""
+    if str(policy) == DEFAULT:
+        return default_policy_folder()
+    folder = Path(policy)
+    if not folder.is_dir():
+        raise CheckpointError(
+            f"policy {str(policy)!r}: no such folder; give the folder of a finished training run, "
+            f"{PLANNER!r} or {DEFAULT!r}"
+        )
+    return folder
+
+
+def evaluate(
+    policy: str | Path | MlpPolicy | Policy | PrivilegedPolicy,
+    *,
+    scenario: str | Scenario = "clutter",
+    robot: str | RobotConfig | None = None,
+    guidance: str | None = None,
+    split: str = "test",
+    episodes: int = 500,
+    seed: int = 0,
+    num_threads: int = 0,
+    record: int = 0,
+    tasks: Sequence[Task] | None = None,
+    out: Path | None = None,
+    on_step: Callable[[int, int], None] | None = None,
+) -> Evaluation:
+    """Drive the first `episodes` tasks of a split.
+
+    policy: "astar-dwa", "default", a run folder, or an object with act(observation). robot, guidance: of the policy's
+    training when None. seed: changes the noise only. record: tasks whose routes are kept. tasks: instead of those of
+    the split. out: folder for episodes.parquet and summary.json. Raises AdrlError.
+    """
+    if episodes < 1:
+        raise ConfigError(f"episodes is {episodes}; give 1 or more")
+    if isinstance(policy, (str, Path)) and str(policy) != PLANNER:
+        policy = load_policy(resolve_policy(policy))
+    place = get_scenario(scenario)
+    driver, about, encoder, config = _driver(policy, robot, guidance)
+    tasks = task_set(place, config, split, episodes) if tasks is None else tasks
+    result = rollout(
+        driver,
+        tasks,
+        config,
+        guidance=about["guidance"],
+        encoder=encoder,
+        seed=seed,
+        num_threads=num_threads,
+        record=record,
+        on_step=on_step,
+    )
+    summary = summarise(
+        result.episodes, RunMeta(**about, robot=config.name, scenario=place.name, split=split)
+    )
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        write_episodes(out / "episodes.parquet", result.episodes)
+        files.write_json(out / "summary.json", summary)
+    return Evaluation(summary=summary, rollout=result, tasks=tasks)
+
+
+def _driver(
+    policy: Any, robot: str | RobotConfig | None, guidance: str | None
+) -> tuple[Policy | PrivilegedPolicy, dict[str, Any], EncoderConfig | None, RobotConfig]:
+    """The policy itself, what the summary says of it, its encoder and its robot."""
+    named = load_robot(robot) if isinstance(robot, str) else robot
+    if policy == PLANNER:
+        about = {"policy": PLANNER, "method": PLANNER, "guidance": guidance or "map"}
+        return AStarDwaPolicy(), about, None, named or load_robot("diffbot")
+    if not isinstance(policy, MlpPolicy):
+        about = {"policy": type(policy).__name__, "method": "external", "guidance": guidance or "goal"}
+        return policy, about, None, named or load_robot("diffbot")
+    config = policy.config
+    trained_on = robot_from_fields(config.robot)
+    extra = config.extra
+    about = {
+        "policy": str(extra.get("run", "policy")),
+        "method": config.method,
+        "guidance": guidance or config.guidance,
+        "train_seconds": extra.get("train_seconds"),
+        "env_steps": extra.get("env_steps"),
+        "gradient_updates": extra.get("gradient_updates"),
+    }
+    return policy, about, EncoderConfig(**config.encoder), named or trained_on
+
+
+def robot_of(policy: str | Path) -> str | RobotConfig:
+    """The robot a policy drives when none is named. Raises CheckpointError."""
+    if str(policy) == PLANNER:
+        return "diffbot"
+    return robot_from_fields(load_policy(resolve_policy(policy)).config.robot)

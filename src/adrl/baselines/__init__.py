@@ -1,0 +1,1 @@
+"""Policies that ADRL is compared with."""

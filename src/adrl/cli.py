@@ -1,0 +1,60 @@
+"""The command line. Only the command that runs is imported, so help comes at once."""
+
+import sys
+import time
+from collections.abc import Sequence
+from importlib import import_module
+
+from adrl.errors import AdrlError
+
+STARTED_S = time.monotonic()
+"""When the program began: training's wall clock counts from here."""
+
+COMMANDS = {
+    "train": "train a policy",
+    "evaluate": "drive a policy on fixed tasks and report success, time and distance with intervals",
+    "collect": "record A*+DWA demonstrations as a Minari dataset",
+    "bench": "measure the simulator (sim), the planners (plan) or the learner (learn)",
+    "list": "list robots, scenarios, methods and policies",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command. Exit codes: 0 good, 1 failed, 2 bad input."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if not arguments or arguments[0] in ("-h", "--help"):
+        _print_help()
+        return 0 if arguments else 2
+    if arguments[0] == "--version":
+        from importlib.metadata import version
+
+        print(version("adrl"))
+        return 0
+    name, rest = arguments[0], arguments[1:]
+    try:
+        if name not in COMMANDS:
+            from adrl.errors import UnknownName
+
+            raise UnknownName("command", name, COMMANDS)
+        return import_module(f"adrl.commands.{name}").main(rest)
+    except AdrlError as error:
+        print(f"adrl: error: {error}", file=sys.stderr)
+        return 2
+    except OSError as error:
+        print(f"adrl: error: {error.strerror or error}: {error.filename or ''}".rstrip(": "), file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("adrl: stopped; a training run goes on from its newest checkpoint with --resume", file=sys.stderr)
+        return 1
+
+
+def _print_help() -> None:
+    width = max(map(len, COMMANDS))
+    print("usage: adrl COMMAND [OPTIONS]\n\nTrain and evaluate LiDAR navigation policies.\n\ncommands:")
+    for name, text in COMMANDS.items():
+        print(f"  {name:<{width}}  {text}")
+    print("\nadrl COMMAND --help explains the options of a command; adrl --version tells the version.")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

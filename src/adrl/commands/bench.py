@@ -1,0 +1,108 @@
+"""adrl bench."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from adrl import files
+from adrl.benchmarks.plan import bench_dwa, bench_map
+from adrl.benchmarks.sim import bench_sim
+from adrl.commands.options import parse
+from adrl.errors import UnknownName
+
+WHAT = ("sim", "plan", "learn")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimOptions:
+    """The simulator."""
+
+    envs: int = 1024
+    """Robots stepped at once."""
+    threads: int = 0
+    """Threads; 0 takes one per core."""
+    beams: int = 180
+    """Beams of each robot's LiDAR."""
+    obstacles: int = 40
+    """Circles in each world, besides its four walls."""
+    seconds: float = 1.0
+    """Length of a round, s."""
+    rounds: int = 5
+    """Rounds; the median is reported, and peers take turns with ours."""
+    peer_python: tuple[Path, ...] = ()
+    """Interpreters with ir-sim or irsim-x to measure in the same world; one environment each."""
+    json: Path | None = None
+    """File for the results."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanOptions:
+    """The planners."""
+
+    map: Path | None = None
+    """ROS map to plan across, besides the A*+DWA decisions on complex."""
+    envs: int = 512
+    """Robots that decide at once."""
+    threads: int = 0
+    """Threads; 0 takes one per core."""
+    json: Path | None = None
+    """File for the results."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearnOptions:
+    """The learner, on one thread."""
+
+    width: int = 128
+    """Units of each of the two hidden layers."""
+    seconds: float = 5.0
+    """Length of a round, s."""
+    rounds: int = 3
+    """Rounds; the median is reported."""
+    json: Path | None = None
+    """File for the results."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Measure and print."""
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print("usage: adrl bench sim|plan|learn [OPTIONS]\n\nadrl bench sim --help explains the options.")
+        return 0 if arguments else 2
+    what, rest = arguments[0], arguments[1:]
+    if what not in WHAT:
+        raise UnknownName("benchmark", what, WHAT)
+    results, path = {"sim": _sim, "plan": _plan, "learn": _learn}[what](rest)
+    if path is not None:
+        files.write_json(path, results)
+    print(files.to_json(results))
+    return 0
+
+
+def _sim(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
+    options = parse(SimOptions, arguments, "bench sim", "Environment steps a second.")
+    results = bench_sim(
+        num_envs=options.envs,
+        num_threads=options.threads,
+        num_beams=options.beams,
+        num_obstacles=options.obstacles,
+        seconds=options.seconds,
+        rounds=options.rounds,
+        peers=options.peer_python,
+    )
+    return results, options.json
+
+
+def _plan(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
+    options = parse(PlanOptions, arguments, "bench plan", "A*+DWA decisions a second, and planning across a map.")
+    results = bench_dwa(num_envs=options.envs, num_threads=options.threads)
+    if options.map is not None:
+        results["map"] = bench_map(options.map)
+    return results, options.json
+
+
+def _learn(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
+    from adrl.benchmarks.learn import bench_learn
+
+    options = parse(LearnOptions, arguments, "bench learn", "Gradient updates a second.")
+    return bench_learn(width=options.width, seconds=options.seconds, rounds=options.rounds), options.json

@@ -1,0 +1,85 @@
+"""adrl evaluate."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from adrl import api, files
+from adrl.commands.options import console, parse, progress_bar
+from adrl.errors import ConfigError
+from adrl.evaluation.results import comparison_table
+from adrl.types import Task
+from adrl.worlds import load_robot, single_task
+from adrl.worlds.fixed import FixedWorld
+from adrl.worlds.place import Place
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateOptions(Place):
+    """Which policy drives where."""
+
+    policy: str = api.DEFAULT
+    """astar-dwa (knows the map), default (the shipped policy), or a run folder."""
+    robot: str | None = None
+    """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
+    guidance: Literal["goal", "map"] | None = None
+    """goal: the policy sees the final goal; map: a waypoint on the A* path of the known map. As trained when left
+    out."""
+    split: Literal["train", "validation", "test"] = "test"
+    """Which tasks: task i of a split is the same for ever."""
+    episodes: int = 500
+    """Tasks to drive, one episode each."""
+    seed: int = 0
+    """Of the sensors' noise; the tasks stay the same."""
+    start: tuple[float, float, float] | None = None
+    """x (m), y (m) and yaw (rad) of one task of your own on --map or --world; needs --goal."""
+    goal: tuple[float, float] | None = None
+    """x (m) and y (m) of that task's goal."""
+    threads: int = 0
+    """Threads of the simulator; 0 takes one per core."""
+    out: Path | None = None
+    """Folder for episodes.parquet and summary.json."""
+    json: Path | None = None
+    """File for the summary; - prints it."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Evaluate and print a table."""
+    options = parse(EvaluateOptions, arguments, "evaluate", "Drive a policy on fixed tasks and report how it did.")
+    with progress_bar(f"evaluating {options.policy}") as (bar, task):
+
+        def show(ended: int, total: int) -> None:
+            bar.update(task, completed=ended / total, note=f"{ended} of {total} episodes")
+
+        result = api.evaluate(
+            options.policy,
+            scenario=options.load(),
+            robot=options.robot,
+            guidance=options.guidance,
+            split=options.split,
+            episodes=options.episodes,
+            seed=options.seed,
+            num_threads=options.threads,
+            tasks=_own_task(options),
+            out=options.out,
+            on_step=show,
+        )
+    if options.json is not None and str(options.json) != "-":
+        files.write_json(options.json, result.summary)
+    elif options.json is not None:
+        print(files.to_json(result.summary))
+    console().print(comparison_table([result.summary]))
+    return 0
+
+
+def _own_task(options: EvaluateOptions) -> list[Task] | None:
+    if options.start is None and options.goal is None:
+        return None
+    if options.start is None or options.goal is None:
+        raise ConfigError("--start and --goal go together")
+    place = options.load()
+    if not isinstance(place, FixedWorld):
+        raise ConfigError(f"--start and --goal need --map or --world; scenario {place.name!r} has many worlds")
+    robot = load_robot(options.robot or api.robot_of(options.policy))
+    return [single_task(place.world, options.start, options.goal, robot)]

@@ -1,0 +1,41 @@
+"""Parsing and showing, as all commands do it."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, TypeVar
+
+import tyro
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+Options = TypeVar("Options")
+
+
+def parse(options: type[Options], arguments: Sequence[str], command: str, description: str) -> Options:
+    """Options of a command from its arguments; exits with 2 and a message on bad ones."""
+    return tyro.cli(
+        options,
+        args=list(arguments),
+        prog=f"adrl {command}",
+        description=description,
+    )
+
+
+def console() -> Console:
+    """Where tables and bars go: standard error keeps standard output clean for data."""
+    return Console(stderr=True)
+
+
+@contextmanager
+def progress_bar(description: str) -> Iterator[tuple[Progress, Any]]:
+    """A live bar from 0 to 1 with the time left."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f}%"),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+        TextColumn("{task.fields[note]}"),
+    )
+    with Progress(*columns, console=console()) as bar:
+        yield bar, bar.add_task(description, total=1.0, note="")

@@ -1,0 +1,58 @@
+"""Registers adrl/Nav-v0 in Gymnasium without importing it: `import adrl` stays light, in either order of imports."""
+
+import sys
+from collections.abc import Sequence
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any
+
+ENV_ID = "adrl/Nav-v0"
+
+
+def register_when_possible() -> None:
+    """Register now if Gymnasium is loaded, else as soon as it is. Doing so again changes nothing."""
+    if "gymnasium" in sys.modules:
+        _register()
+    elif not any(isinstance(finder, _GymnasiumFinder) for finder in sys.meta_path):
+        sys.meta_path.insert(0, _GymnasiumFinder())
+
+
+def _register() -> None:
+    from gymnasium.envs.registration import register, registry
+
+    if ENV_ID not in registry:
+        # Text, not classes: adrl.envs is imported by the first make().
+        register(ENV_ID, entry_point="adrl.envs:NavEnv", vector_entry_point="adrl.envs:NavVectorEnv")
+
+
+class _GymnasiumFinder:
+    """Finds Gymnasium as all other finders do, and has it loaded by _GymnasiumLoader."""
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if name != "gymnasium":
+            return None
+        for finder in tuple(sys.meta_path):
+            spec = None if finder is self else finder.find_spec(name, path, target)
+            if spec is not None:
+                if spec.loader is not None:
+                    spec.loader = _GymnasiumLoader(spec.loader)
+                return spec
+        return None
+
+
+class _GymnasiumLoader:
+    """Loads Gymnasium with its own loader, then registers."""
+
+    def __init__(self, loader: Any) -> None:
+        self._loader = loader
+
+    def exec_module(self, module: Any) -> None:
+        # The module knows its own loader only, as if we had not been there.
+        module.__spec__.loader = module.__loader__ = self._loader
+        self._loader.exec_module(module)
+        _register()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._loader, name)

@@ -1,0 +1,176 @@
+"""A training run from nothing: worlds, demonstrations, probe, learner, validation, and its folder."""
+
+import functools
+import json
+import platform
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field, replace
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import tyro
+
+from adrl import files
+from adrl.agents.config import TrainConfig
+from adrl.agents.methods import METHODS, WITHOUT_DEMONSTRATIONS, method_config
+from adrl.deploy.policy import MlpPolicy, PolicyConfig
+from adrl.envs import NavVectorEnv
+from adrl.errors import ConfigError, UnknownName
+from adrl.evaluation.metrics import success_rate
+from adrl.evaluation.rollout import rollout
+from adrl.imitation import Demonstrations, Source, collect, load_minari
+from adrl.imitation.probe import record_probe
+from adrl.observation import EncoderConfig
+from adrl.types import RobotConfig, Scenario
+from adrl.worlds import load_robot, task_set
+from adrl.worlds.place import Place
+
+if TYPE_CHECKING:
+    from adrl.agents.train import Progress, TrainResult
+
+PROBE_STARTS = 128
+VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "optax", "gymnasium", "safetensors")
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunConfig(Place):
+    """A training run. Give steps or max_seconds in the learner's configuration."""
+
+    robot: Annotated[str | RobotConfig, tyro.conf.arg(constructor=str)] = "diffbot"
+    """A robot's name (adrl list), a TOML file, or the object."""
+    method: str = "adrl"
+    """A training method; adrl list names them."""
+    guidance: str = "goal"
+    """goal: the policy sees the final goal; map: a waypoint on the A* path of the known map."""
+    out: Path | None = None
+    """Run folder; runs/METHOD-SCENARIO-sSEED when left out."""
+    resume: bool = False
+    """Go on from the newest checkpoint in the run folder."""
+    num_envs: int = 64
+    """Robots simulated side by side."""
+    task_pool: int = 512
+    """Worlds to train in, the first ones of the training split."""
+    demonstration_steps: int = 20_000
+    """Environment steps of A*+DWA demonstrations to collect."""
+    dataset: Path | None = None
+    """Minari dataset of demonstrations to use instead of collecting them."""
+    validation_episodes: int = 100
+    """Validation tasks of each evaluation during training, every learner.eval_interval_steps."""
+    randomize: bool = True
+    """Vary robots and sensors mildly from episode to episode."""
+    encoder: EncoderConfig = field(default_factory=EncoderConfig)
+    learner: Annotated[TrainConfig, tyro.conf.arg(name="")] = field(
+        default_factory=lambda: TrainConfig(max_seconds=60.0)
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.method not in METHODS:
+            raise UnknownName("method", self.method, METHODS)
+        for name in ("num_envs", "task_pool", "validation_episodes"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name} is {getattr(self, name)}; give 1 or more")
+        if self.demonstration_steps < 0:
+            raise ConfigError(f"demonstration_steps is {self.demonstration_steps}; give 0 or more")
+
+
+def train(
+    config: RunConfig,
+    *,
+    on_progress: Callable[["Progress"], None] | None = None,
+    start_time_s: float | None = None,
+) -> "TrainResult":
+    """Train a policy and leave it in the run folder.
+
+    start_time_s: of time.monotonic(); max_seconds counts from there. Raises AdrlError; what a run folder already
+    holds is not touched unless resume is asked for.
+    """
+    start_time_s = time.monotonic() if start_time_s is None else start_time_s
+    scenario, robot = config.load(), load_robot(config.robot)
+    learner = method_config(config.method, config.learner)
+    out = run_folder(config, scenario)
+    if (out / "policy.safetensors").exists() and not config.resume:
+        raise ConfigError(f"{out} holds a finished run; give another --out, or --resume to train it for longer")
+    make_env = functools.partial(
+        NavVectorEnv,
+        scenario=scenario,
+        robot=robot,
+        guidance=config.guidance,
+        task_pool=config.task_pool,
+        encoder=config.encoder,
+        reward_config=learner.reward,
+    )
+    env = make_env(config.num_envs, randomize=config.randomize, seed=learner.seed)
+    demonstrations = None if config.method in WITHOUT_DEMONSTRATIONS else _demonstrations(config, env)
+    probe = record_probe(make_env(PROBE_STARTS, randomize=False), seed=learner.seed) if demonstrations else None
+    out.mkdir(parents=True, exist_ok=True)
+    files.write_json(out / "versions.json", versions())
+
+    from adrl.agents.train import train as learn
+
+    return learn(
+        learner,
+        env,
+        out,
+        policy_config=_policy_config(config, robot, scenario, out),
+        demonstrations=demonstrations,
+        probe=probe,
+        evaluate=_validation(config, scenario, robot),
+        on_progress=on_progress,
+        start_time_s=start_time_s,
+        resume=config.resume,
+    )
+
+
+def run_folder(config: RunConfig, scenario: Scenario) -> Path:
+    """Where the run goes."""
+    name = scenario.name.replace(":", "-")
+    return config.out or Path("runs") / f"{config.method}-{name}-s{config.learner.seed}"
+
+
+def versions() -> dict[str, str]:
+    """What the run was made with."""
+    return {"python": platform.python_version(), "machine": platform.machine()} | {
+        name: metadata.version(name) for name in VERSIONED
+    }
+
+
+def _demonstrations(config: RunConfig, env: NavVectorEnv) -> Demonstrations:
+    if config.dataset is not None:
+        return load_minari(config.dataset, Source.of(env))
+    if config.demonstration_steps == 0:
+        raise ConfigError(f"method {config.method!r} needs demonstrations; demonstration_steps is 0")
+    return collect(env, config.demonstration_steps, seed=config.learner.seed)
+
+
+def _policy_config(config: RunConfig, robot: RobotConfig, scenario: Scenario, out: Path) -> PolicyConfig:
+    run = asdict(replace(config, robot=robot.name))
+    return PolicyConfig(
+        input_size=1,  # set by the learner, as is the next
+        widths=config.learner.td3.widths,
+        robot=asdict(robot),
+        encoder=asdict(config.encoder),
+        guidance=config.guidance,
+        method=config.method,
+        extra={"run": out.name, "scenario": scenario.name, "settings": json.loads(json.dumps(run, default=str))},
+    )
+
+
+def _validation(
+    config: RunConfig, scenario: Scenario, robot: RobotConfig
+) -> Callable[[MlpPolicy], dict[str, Any]]:
+    """Success on the first validation tasks, drawn when first asked for."""
+
+    @functools.cache
+    def tasks() -> Any:
+        return task_set(scenario, robot, "validation", config.validation_episodes)
+
+    def evaluate(policy: MlpPolicy) -> dict[str, Any]:
+        result = rollout(
+            policy, tasks(), robot, guidance=config.guidance, encoder=config.encoder, num_threads=1
+        )
+        return {"success": success_rate(result.episodes)}
+
+    return evaluate

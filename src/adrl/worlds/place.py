@@ -1,0 +1,32 @@
+"""Where to drive, as the commands take it."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from adrl.errors import ConfigError
+from adrl.types import Scenario
+from adrl.worlds import MapScenario, SdfScenario, get_scenario
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where to drive: one of the three."""
+
+    scenario: str = "clutter"
+    """A family of worlds; adrl list names them."""
+    map: Path | None = None
+    """YAML file of a ROS map_server map, instead of a scenario."""
+    world: Path | None = None
+    """Gazebo SDF world of boxes, cylinders and planes, instead of a scenario."""
+
+    def __post_init__(self) -> None:
+        if self.map is not None and self.world is not None:
+            raise ConfigError("give map or world, not both")
+
+    def load(self) -> Scenario:
+        """The scenario, map or world. Raises UnknownName, MapError, WorldError."""
+        if self.map is not None:
+            return MapScenario(self.map)
+        if self.world is not None:
+            return SdfScenario(self.world)
+        return get_scenario(self.scenario)

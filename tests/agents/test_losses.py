@@ -1,0 +1,183 @@
+"""Laws of the update: plain TD3 without imitation, targets by hand, rewards of today's weights."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
+
+from adrl.agents import losses, networks, td3
+from adrl.agents.backend import jax, jnp
+from adrl.agents.config import Td3Config
+from adrl.agents.losses import Batch, ExpertBatch, Shape, Weights
+from adrl.rewards import RewardConfig, reward
+
+D, B, M, N_STEP = 6, 32, 16, 3
+CONFIG = Td3Config(widths=(16, 16), batch_size=B, bc_batch_size=M, n_step=N_STEP)
+SHAPE = td3.make_shape(D, CONFIG, RewardConfig())
+PLAIN = Weights(np.float32(0.5), lambda_bc=np.float32(0.0), q_weight=np.float32(1.0))
+
+
+def random_batch(seed: int, lead: tuple[int, ...] = ()) -> Batch:
+    rng = np.random.default_rng(seed)
+
+    def normal(*shape: int) -> NDArray[np.float32]:
+        return rng.normal(size=(*lead, B, *shape)).astype(np.float32)
+
+    signals = np.concatenate([normal(N_STEP, 6), rng.random((*lead, B, N_STEP, 3))], axis=-1)
+    return Batch(
+        observation=normal(D),
+        action=np.tanh(normal(2)),
+        signals=signals.astype(np.float32),
+        step_discount=np.broadcast_to(np.float32([1, 0.99, 0.9801]), (*lead, B, N_STEP)).copy(),
+        bootstrap_observation=normal(D),
+        bootstrap_discount=np.float32(0.97) * (rng.random((*lead, B)) < 0.8),
+        target_noise=normal(2),
+    )
+
+
+def random_experts(seed: int, lead: tuple[int, ...] = ()) -> ExpertBatch:
+    rng = np.random.default_rng(seed)
+    observation = rng.normal(size=(*lead, M, D)).astype(np.float32)
+    return ExpertBatch(observation, rng.uniform(-1, 1, (*lead, M, 2)).astype(np.float32))
+
+
+def fresh(seed: int = 0, shape: Shape = SHAPE) -> td3.LearnerState:
+    """Networks with large last layers, so that gradients are."""
+    state = td3.init_state(np.random.default_rng(seed), shape)
+    return state._replace(actor=state.actor * 3.0, critics=state.critics * 3.0)
+
+
+def assert_equal_bytes(a: object, b: object) -> None:
+    for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+        assert_array_equal(np.asarray(x), np.asarray(y))
+
+
+def test_without_imitation_the_actor_has_exactly_td3s_gradient():
+    state, batch = fresh(), random_batch(0)
+
+    def td3_loss(actor: jax.Array) -> jax.Array:
+        action = networks.actor(actor, batch.observation, SHAPE.actor)
+        return -networks.first_critic(state.critics, batch.observation, action, SHAPE.critic, True).mean()
+
+    def ours(actor: jax.Array) -> jax.Array:
+        return losses.actor_loss(actor, state.critics, batch.observation, random_experts(1), PLAIN, SHAPE)
+
+    gradient = jax.jit(jax.grad(ours))(state.actor)
+    assert float(jnp.abs(gradient).max()) > 1e-3
+    assert_array_equal(gradient, jax.jit(jax.grad(td3_loss))(state.actor))
+
+
+def test_without_imitation_whole_updates_are_exactly_td3s():
+    update = td3.make_update(SHAPE)
+    batches = random_batch(0, (5, 2))
+    plain, plain_actor, _ = update(fresh(), batches, None, PLAIN)
+    ours, ours_actor, _ = update(fresh(), batches, random_experts(1, (5,)), PLAIN)
+    assert_equal_bytes(plain, ours)
+    assert_array_equal(plain_actor, ours_actor)
+    assert not np.array_equal(plain.actor, fresh().actor)
+
+
+def test_cloning_alone_ignores_the_critic():
+    state, batch, experts = fresh(), random_batch(0), random_experts(1)
+    clone = Weights(0.0, lambda_bc=1.0, q_weight=0.0)
+
+    def direction(critics: jax.Array) -> NDArray[np.float32]:
+        gradient = jax.grad(losses.actor_loss)(
+            state.actor, critics, batch.observation, experts, clone, SHAPE
+        )
+        return np.asarray(gradient / jnp.linalg.norm(gradient))
+
+    assert_allclose(direction(state.critics), direction(2.0 * state.critics), atol=1e-5)
+
+
+def test_the_cloning_weight_means_the_same_for_any_scale_of_the_reward():
+    """Q 100 times as large: the gradient points the same way (eq 6 with Q divided by mean |Q|)."""
+    state, batch, experts = fresh(), random_batch(0), random_experts(1)
+    half = networks.parameter_count(SHAPE.critic)
+    last_layer = np.ones(2 * half, np.float32)
+    for start in (0, half):
+        last_layer[start + half - CONFIG.widths[-1] - 1 : start + half] = 100.0
+    weights = Weights(0.0, lambda_bc=0.5, q_weight=1.0)
+    shape = SHAPE._replace(td3=replace(CONFIG, q_scale_floor=1e-6))
+
+    def gradient(critics: jax.Array) -> NDArray[np.float32]:
+        return np.asarray(
+            jax.grad(losses.actor_loss)(state.actor, critics, batch.observation, experts, weights, shape)
+        )
+
+    assert_allclose(gradient(state.critics * last_layer), 100.0 * gradient(state.critics), rtol=2e-3, atol=1e-3)
+
+
+def test_targets_by_hand():
+    state, batch = fresh(), random_batch(2)
+    weights = Weights(np.float32(0.3), 0.0, 1.0)
+    returns = losses.n_step_returns(batch, weights, SHAPE.reward)
+    got = losses.targets(state.target_actor, state.target_critics, batch, returns, SHAPE)
+    for i in range(B):
+        terms, features = batch.signals[i, :, :6], batch.signals[i, :, 6:]
+        r = [reward(terms[j], features[j], 0.3, SHAPE.reward) for j in range(N_STEP)]
+        successor = jnp.array(batch.bootstrap_observation[i : i + 1])
+        noise = np.clip(0.2 * batch.target_noise[i], -0.5, 0.5)
+        action = np.clip(networks.actor(state.target_actor, successor, SHAPE.actor) + noise, -1, 1)
+        q1, q2 = networks.twin_critics(state.target_critics, successor, jnp.array(action), SHAPE.critic, True)
+        y = r[0] + 0.99 * r[1] + 0.9801 * r[2] + batch.bootstrap_discount[i] * min(float(q1[0]), float(q2[0]))
+        assert_allclose(got[i], y, rtol=1e-4, atol=1e-5)
+
+
+def test_stored_terms_take_the_weights_of_today():
+    batch = random_batch(3)
+    early, late = (losses.n_step_returns(batch, Weights(s, 0.0, 1.0), SHAPE.reward) for s in (0.0, 1.0))
+    assert float(jnp.abs(early - late).max()) > 1e-3
+
+
+def test_the_q_filter_clones_only_where_the_critic_prefers_the_expert():
+    shape = SHAPE._replace(td3=replace(CONFIG, q_filter=True))
+    state, experts = fresh(), random_experts(1)
+    action = networks.actor(state.actor, experts.observation, SHAPE.actor)
+    q_actor, q_expert = (
+        networks.first_critic(state.critics, experts.observation, a, SHAPE.critic, True)
+        for a in (action, experts.action)
+    )
+    preferred = np.asarray(q_expert > q_actor)
+    assert 0 < preferred.sum() < M
+    error = np.square(np.asarray(action) - experts.action).sum(axis=-1)
+    got = losses.cloning_loss(state.actor, state.critics, experts, shape)
+    assert_allclose(got, (error * preferred).mean(), rtol=1e-5)
+
+
+def test_one_call_of_many_updates_equals_many_calls_of_few():
+    update = td3.make_update(SHAPE)
+    batches, experts = random_batch(0, (6, 2)), random_experts(1, (6,))
+    weights = Weights(np.float32(0.5), np.float32(0.3), np.float32(1.0))
+    once, _, _ = update(fresh(), batches, experts, weights)
+    state = fresh()
+    for i in range(0, 6, 2):
+        part = Batch(*(field[i : i + 2] for field in batches))
+        state, _, _ = update(state, part, ExpertBatch(*(f[i : i + 2] for f in experts)), weights)
+    for a, b in zip(jax.tree.leaves(once), jax.tree.leaves(state), strict=True):
+        assert_allclose(a, b, rtol=1e-4, atol=1e-6)
+
+
+def test_the_returned_actor_survives_the_next_update():
+    """The state is donated: its memory is written again. The copy handed out for acting must not be."""
+    update = td3.make_update(SHAPE)
+    state, actor, _ = update(fresh(), random_batch(0, (1, 2)), None, PLAIN)
+    before = np.array(state.actor)
+    for seed in range(20):
+        state, _, _ = update(state, random_batch(seed, (1, 2)), None, PLAIN)
+    assert_array_equal(actor, before)
+
+
+@pytest.mark.parametrize("layer_norm", [True, False])
+def test_the_critic_descends_to_its_target(layer_norm: bool):
+    shape = SHAPE._replace(td3=replace(CONFIG, critic_layer_norm=layer_norm))
+    update = td3.make_update(shape)
+    batch = random_batch(0, (50, 2))._replace(bootstrap_discount=np.zeros((50, 2, B), np.float32))
+    batch = Batch(*(np.broadcast_to(field[:1, :1], field.shape).copy() for field in batch))
+    state = fresh(shape=shape)
+    state, _, first = update(state, batch, None, PLAIN)
+    for _ in range(10):
+        state, _, last = update(state, batch, None, PLAIN)
+    assert float(last.critic_loss) < 0.05 * float(first.critic_loss)
