@@ -19,6 +19,15 @@ void store_pose(double *row, const Pose &pose) {
     row[2] = pose.theta;
 }
 
+// Speeds are the robot's, how fast they change is the row's.
+DriveLimits limits_of(const Robot &robot, const double *params) {
+    DriveLimits limits = robot.limits;
+    limits.max_acceleration = params[kMaxAcceleration];
+    limits.max_yaw_acceleration = params[kMaxYawAcceleration];
+    limits.lag_s = params[kLag];
+    return limits;
+}
+
 // Range noise and dropouts, one random number a beam from its own counter.
 ADRL_CLONES void disturb(const double *exact, int count, std::uint64_t key, double noise, double dropout,
                          double max_range, float *out) {
@@ -67,8 +76,9 @@ void BatchSim::plan(double *out) {
             const Pose pose = load_pose(b_.pose + 3 * i);
             const double along = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
             const Vec2 target = visible_waypoint(task, {pose.x, pose.y}, along, config_.dwa_lookahead);
+            const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
             const Twist command =
-                dwa_command(*task.world, robot_.footprint, robot_.limits, config_.dwa, pose,
+                dwa_command(*task.world, robot_.footprint, limits, config_.dwa, pose,
                             {b_.twist[2 * i], b_.twist[2 * i + 1]}, target, b_.time[i], robot_.dt_s);
             out[2 * i] = command.v;
             out[2 * i + 1] = command.w;
@@ -105,10 +115,7 @@ void BatchSim::step_one(int i) {
     history[0] = command.v;
     history[1] = command.w;
 
-    DriveLimits limits = robot_.limits;
-    limits.max_acceleration = params[kMaxAcceleration];
-    limits.max_yaw_acceleration = params[kMaxYawAcceleration];
-    limits.lag_s = params[kLag];
+    const DriveLimits limits = limits_of(robot_, params);
     // The base acts on a command `latency` old: the older one until the newer one is due, then that.
     const double periods = std::min(params[kLatency] / robot_.dt_s, kHistory - 1.001);
     const auto whole = static_cast<int>(periods);

@@ -9,11 +9,13 @@ namespace {
 
 constexpr int kSpeeds = 7;
 constexpr int kYawRates = 17;
-constexpr int kSamples = 10; // poses along an arc
+constexpr int kLeastSamples = 10; // poses along an arc
+constexpr int kMostSamples = 64;
 constexpr int kCandidates = 128;
 static_assert(kSpeeds * kYawRates <= kCandidates && kCandidates % 16 == 0);
-constexpr int kMaxLocal = 256; // obstacles of a kind near the robot; the farther ones beyond this are left out
+constexpr int kMaxLocal = 256; // obstacles of a kind near the robot; where there are more, it looks less far
 constexpr int kMaxCover = 4;
+constexpr float kArrived = 0.1F; // metres from the target
 
 // Everything below is in metres relative to the robot's position, axes of the world, in single precision.
 struct Local {
@@ -69,8 +71,9 @@ Cover cover_of(const Footprint &footprint) {
     return cover;
 }
 
-void gather_segments(const Segments &segments, const Pose &pose, double reach, Local &local) {
-    for (int i = 0; i < segments.count && local.segments < kMaxLocal; ++i) {
+// False when there are more within reach than fit.
+bool gather_segments(const Segments &segments, const Pose &pose, double reach, Local &local) {
+    for (int i = 0; i < segments.count; ++i) {
         const Vec2 a{segments.ax[i] - pose.x, segments.ay[i] - pose.y};
         const Vec2 b{segments.bx[i] - pose.x, segments.by[i] - pose.y};
         // A quick look at the bounding box first.
@@ -78,6 +81,7 @@ void gather_segments(const Segments &segments, const Pose &pose, double reach, L
             std::max(a.y, b.y) < -reach || origin_to_segment(a, b) > reach) {
             continue;
         }
+        if (local.segments == kMaxLocal) return false;
         const int k = local.segments++;
         const Vec2 e = b - a;
         local.ax[k] = static_cast<float>(a.x);
@@ -86,28 +90,33 @@ void gather_segments(const Segments &segments, const Pose &pose, double reach, L
         local.ey[k] = static_cast<float>(e.y);
         local.inverse[k] = static_cast<float>(1.0 / (dot(e, e) + 1e-12));
     }
+    return true;
 }
 
-void gather(const World &world, const Pose &pose, double reach, Local &local) {
+bool gather(const World &world, const Pose &pose, double reach, Local &local) {
     const Circles &circles = world.circles();
-    for (int i = 0; i < circles.count && local.circles < kMaxLocal; ++i) {
+    local.circles = 0;
+    local.segments = 0;
+    for (int i = 0; i < circles.count; ++i) {
         const double dx = circles.x[i] - pose.x;
         const double dy = circles.y[i] - pose.y;
         const double far = reach + circles.radius[i];
         if (dx * dx + dy * dy > far * far) continue;
+        if (local.circles == kMaxLocal - kMaxDiscs) return false; // moving discs join them later
         const int k = local.circles++;
         local.cx[k] = static_cast<float>(dx);
         local.cy[k] = static_cast<float>(dy);
         local.cr[k] = static_cast<float>(circles.radius[i]);
     }
-    gather_segments(world.walls(), pose, reach, local);
-    gather_segments(world.edges(), pose, reach, local);
+    return gather_segments(world.walls(), pose, reach, local) && gather_segments(world.edges(), pose, reach, local);
 }
 
 void fill_arcs(Arcs &arcs, const DriveLimits &limits, const Pose &pose, const Twist &twist, double dt_s,
-               double sample_s, float target_distance) {
-    const double v_low = std::max(limits.min_speed, std::min(twist.v - limits.max_acceleration * dt_s, limits.max_speed));
-    const double v_high = std::min(limits.max_speed, std::max(twist.v + limits.max_acceleration * dt_s, limits.min_speed));
+               double sample_s, float target_distance, bool sweeps) {
+    const double v_low =
+        std::max(limits.min_speed, std::min(twist.v - limits.max_acceleration * dt_s, limits.max_speed));
+    const double v_high =
+        std::min(limits.max_speed, std::max(twist.v + limits.max_acceleration * dt_s, limits.min_speed));
     const double w_low =
         std::max(-limits.max_yaw_rate, std::min(twist.w - limits.max_yaw_acceleration * dt_s, limits.max_yaw_rate));
     const double w_high =
@@ -149,8 +158,10 @@ void fill_arcs(Arcs &arcs, const DriveLimits &limits, const Pose &pose, const Tw
         arcs.hit_s[i] = 1e9F;
         arcs.away[i] = 0.0F;
         arcs.nearest[i] = target_distance;
-        arcs.brake_s[i] = std::abs(arcs.v[i]) / static_cast<float>(limits.max_acceleration) +
-                          static_cast<float>(limits.lag_s + 2.0 * dt_s);
+        const float stop_s = std::abs(arcs.v[i]) / static_cast<float>(limits.max_acceleration);
+        // Corners sweep round until the turn has stopped, too.
+        const float settle_s = sweeps ? std::abs(arcs.w[i]) / static_cast<float>(limits.max_yaw_acceleration) : 0.0F;
+        arcs.brake_s[i] = std::max(stop_s, settle_s) + static_cast<float>(limits.lag_s + 2.0 * dt_s);
     }
 }
 
@@ -253,16 +264,32 @@ ADRL_CLONES void score_sample(Arcs &arcs, float radius, float margin, float time
     }
 }
 
-Twist best_arc(const Arcs &arcs, const DwaConfig &config, float gx, float gy) {
+// An obstacle this far ahead in time can still be braked for: braking evenly takes half the speed's way.
+double longest_stop_s(const DriveLimits &limits, double dt_s) {
+    return 0.5 * limits.max_speed / limits.max_acceleration + limits.lag_s + 3.0 * dt_s;
+}
+
+// Poses along an arc, so close that between two of them no corner gets deeper into the footprint than the margin.
+int samples_of(const Cover &cover, const DriveLimits &limits, const DwaConfig &config) {
+    const double margin = std::min<double>(config.margin_m, cover.radius);
+    const double spacing = 2.0 * std::sqrt(margin * (2.0 * cover.radius - margin)) + 1e-9;
+    const double length = std::max(limits.max_speed, -limits.min_speed) * config.horizon_s;
+    return static_cast<int>(std::clamp<double>(std::ceil(length / spacing), kLeastSamples, kMostSamples));
+}
+
+Twist best_arc(const Arcs &arcs, int samples, const DwaConfig &config, float gx, float gy) {
     double least = std::numeric_limits<double>::infinity();
     Twist best;
     for (int i = 0; i < kSpeeds * kYawRates; ++i) {
         const double dx = gx - arcs.x[i];
         const double dy = gy - arcs.y[i];
-        const double off = std::abs(std::atan2(arcs.hx[i] * dy - arcs.hy[i] * dx, arcs.hx[i] * dx + arcs.hy[i] * dy));
+        // At the target every heading is as good: without this an arc that ends on it would lose to a slower one.
+        const bool arrives = arcs.nearest[i] < kArrived;
+        const double off =
+            arrives ? 0.0 : std::abs(std::atan2(arcs.hx[i] * dy - arcs.hy[i] * dx, arcs.hx[i] * dx + arcs.hy[i] * dy));
         const double tight = std::max(0.0, 1.0 - arcs.least[i] / config.comfort_m);
-        double cost = arcs.away[i] / kSamples + config.heading_weight * off +
-                      config.comfort_weight * std::min(tight, 1.0);
+        double cost =
+            arcs.away[i] / samples + config.heading_weight * off + config.comfort_weight * std::min(tight, 1.0);
         if (arcs.hit_s[i] < config.horizon_s + 1e-6) {
             cost += config.hit_weight * (1.0 - arcs.hit_s[i] / (config.horizon_s + 1e-6));
             // Too late to brake: only better than an arc that hits sooner.
@@ -278,25 +305,30 @@ Twist best_arc(const Arcs &arcs, const DwaConfig &config, float gx, float gy) {
 
 } // namespace
 
-Twist dwa_command(const World &world, const Footprint &footprint, const DriveLimits &limits, const DwaConfig &config,
+Twist dwa_command(const World &world, const Footprint &footprint, const DriveLimits &limits, const DwaConfig &asked,
                   const Pose &pose, const Twist &twist, Vec2 target, double time_s, double dt_s) {
+    DwaConfig config = asked;
+    config.horizon_s = std::max(asked.horizon_s, longest_stop_s(limits, dt_s));
     const Cover cover = cover_of(footprint);
-    const double sample_s = config.horizon_s / kSamples;
+    const int samples = samples_of(cover, limits, config);
+    const double sample_s = config.horizon_s / samples;
     const auto gx = static_cast<float>(target.x - pose.x);
     const auto gy = static_cast<float>(target.y - pose.y);
     Local local;
-    gather(world, pose, limits.max_speed * config.horizon_s + footprint.radius + config.comfort_m, local);
+    const double speed = std::max(limits.max_speed, -limits.min_speed);
+    double reach = speed * config.horizon_s + footprint.radius + config.comfort_m;
+    while (!gather(world, pose, reach, local) && reach > footprint.radius) reach *= 0.8;
     const int still = local.circles;
     // A robot that already stands closer than the margin must still be allowed to leave.
     const double start = clearance(world, DiscPlaces(world, time_s), footprint, pose, config.margin_m * 2.0);
     const auto margin = static_cast<float>(std::min(config.margin_m, 0.5 * std::max(start, 0.0)));
     Arcs arcs;
-    fill_arcs(arcs, limits, pose, twist, dt_s, sample_s, std::sqrt(gx * gx + gy * gy));
-    for (int k = 1; k <= kSamples; ++k) {
+    fill_arcs(arcs, limits, pose, twist, dt_s, sample_s, std::sqrt(gx * gx + gy * gy), !footprint.is_disc());
+    for (int k = 1; k <= samples; ++k) {
         step_arcs(arcs);
         const DiscPlaces discs(world, time_s + k * sample_s);
         local.circles = still;
-        for (int i = 0; i < discs.count && local.circles < kMaxLocal; ++i, ++local.circles) {
+        for (int i = 0; i < discs.count; ++i, ++local.circles) {
             local.cx[local.circles] = static_cast<float>(discs.x[i] - pose.x);
             local.cy[local.circles] = static_cast<float>(discs.y[i] - pose.y);
             local.cr[local.circles] = static_cast<float>(discs.radius[i]);
@@ -308,7 +340,7 @@ Twist dwa_command(const World &world, const Footprint &footprint, const DriveLim
         }
         score_sample(arcs, cover.radius, margin, static_cast<float>(k * sample_s), gx, gy);
     }
-    return best_arc(arcs, config, gx, gy);
+    return best_arc(arcs, samples, config, gx, gy);
 }
 
 } // namespace adrl

@@ -8,12 +8,12 @@
 namespace adrl {
 
 struct DwaConfig {
-    double horizon_s = 1.5;      // how far ahead an arc is followed
-    double margin_m = 0.03;      // an arc that comes nearer than this to an obstacle hits it
-    double comfort_m = 0.15;     // clearance below which an arc costs more
+    double horizon_s = 1.5;       // how far ahead an arc is followed; farther by a robot that needs longer to stop
+    double margin_m = 0.03;       // an arc that comes nearer than this to an obstacle hits it
+    double comfort_m = 0.15;      // clearance below which an arc costs more
     double comfort_weight = 0.05; // cost, in metres to the target, of touching
     double heading_weight = 0.02; // cost, in metres to the target, of one radian off it at the end
-    double hit_weight = 1.0;     // cost, in metres to the target, of a hit right now that braking would avoid
+    double hit_weight = 1.0;      // cost, in metres to the target, of a hit right now that braking would avoid
 };
 
 // The command that brings the robot nearest to `target` on average over the horizon. Obstacles are the world's own

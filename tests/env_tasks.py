@@ -2,14 +2,13 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from adrl.types import RobotConfig, Task, World
 from adrl.worlds import single_task
-
-QUIET_LIDAR = {"noise_std_m": 0.0, "dropout_probability": 0.0}
 
 
 @dataclass(frozen=True)
@@ -23,11 +22,13 @@ class OneTask:
         return self.given
 
 
-def room(size_m: float = 12.0, **geometry: object) -> World:
-    """A walled square room around the origin."""
+def room(
+    size_m: float = 12.0, segments: Sequence[Sequence[float]] = (), circles: Sequence[Sequence[float]] = ()
+) -> World:
+    """A walled square room around the origin; walls (x1, y1, x2, y2) and pillars (x, y, radius) in it."""
     h = 0.5 * size_m
-    walls = [[-h, -h, h, -h], [h, -h, h, h], [h, h, -h, h], [-h, h, -h, -h]]
-    return World(bounds=(-h, -h, h, h), segments=np.array(walls), **geometry)  # pyright: ignore
+    walls = [[-h, -h, h, -h], [h, -h, h, h], [h, h, -h, h], [-h, h, -h, -h], *segments]
+    return World(bounds=(-h, -h, h, h), segments=np.array(walls), circles=np.array(circles))
 
 
 def straight_task(robot: RobotConfig, distance_m: float = 3.0, yaw: float = 0.0, **changes: object) -> Task:
@@ -38,7 +39,9 @@ def straight_task(robot: RobotConfig, distance_m: float = 3.0, yaw: float = 0.0,
 
 def quiet(robot: RobotConfig) -> RobotConfig:
     """The robot with a perfect LiDAR."""
-    return dataclasses.replace(robot, lidar=dataclasses.replace(robot.lidar, **QUIET_LIDAR))
+    return dataclasses.replace(
+        robot, lidar=dataclasses.replace(robot.lidar, noise_std_m=0.0, dropout_probability=0.0)
+    )
 
 
 def wrapped(angle: float) -> float:

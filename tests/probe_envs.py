@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from adrl.imitation.demonstrations import Demonstrations, column_shapes
 from adrl.rewards import RewardConfig
 
 F32 = NDArray[np.float32]
@@ -158,3 +159,30 @@ class Walk(ProbeEnv):
 
     def move(self, action: F32) -> F32:
         return self._x + np.float32(0.1) * action[:, 0]
+
+
+def record_demonstrations(env: ProbeEnv, rows: int) -> Demonstrations:
+    """Let the expert of env drive for `rows` steps."""
+    observation = env.reset(seed=11)[0].copy()
+    columns: dict[str, list[NDArray[Any]]] = {name: [] for name in column_shapes(2)}
+    for _ in range(rows):
+        action = env.expert_actions()
+        following, _, terminated, truncated, info = env.step(action)
+        step = {
+            "observation": observation,
+            "action": action,
+            "expert_action": action,
+            "next_observation": info["final_obs"],
+            "reward_terms": info["reward_terms"],
+            "features": info["features"],
+            "terminated": terminated,
+            "truncated": truncated,
+        }
+        for name, column in columns.items():
+            column.append(np.array(step[name]))
+        observation = following.copy()
+    columns["truncated"][-1] |= ~columns["terminated"][-1]
+    flat = {
+        name: np.stack(column, axis=1).reshape(-1, *column[0].shape[1:]) for name, column in columns.items()
+    }
+    return Demonstrations(**flat)

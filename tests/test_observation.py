@@ -48,8 +48,10 @@ def slow_extent(robot: RobotConfig, angle: float, step_m: float = 1e-4) -> float
     return float(reach[np.argmin(inside)]) if inside[0] else 0.0
 
 
-def slow_sectors(robot: RobotConfig, config: EncoderConfig, ranges: Array, extents: list[float]) -> list[float]:
-    """Sector by sector: the nearest beam no more than half a sector off, from contact to far on a log scale."""
+def slow_sectors(
+    robot: RobotConfig, config: EncoderConfig, ranges: Array, extents: list[float]
+) -> list[float]:
+    """Sector by sector: the nearest beam at most half a sector off, from contact to far on a log scale."""
     half = math.pi / config.num_sectors
     sectors = []
     for s in range(config.num_sectors):
@@ -67,7 +69,10 @@ def encode_scan(robot: RobotConfig, config: EncoderConfig, ranges: Array) -> Arr
     n = len(ranges)
     encoder = ObservationEncoder(robot, config)
     still = np.zeros((n, 2), dtype=np.float32)
-    return encoder.encode(ranges.astype(np.float32), np.ones((n, 2)), np.zeros((n, 2)), still)[:, : config.num_sectors]
+    scan = encoder.encode(ranges.astype(np.float32), np.ones((n, 2)), np.zeros((n, 2)), still)[
+        :, : config.num_sectors
+    ]
+    return scan.astype(np.float64)
 
 
 @given(robots, st.integers(4, 40), seeds)
@@ -82,12 +87,14 @@ def test_a_sector_is_its_nearest_beam(robot: RobotConfig, sectors: int, seed: in
 
 @pytest.mark.parametrize("name", ROBOTS)
 def test_contact_reads_zero_and_free_space_one(name: str) -> None:
-    """A scan of the footprint's own edge is contact all round, wherever the LiDAR sits; far walls read about 1."""
+    """The footprint's own edge is contact all round, wherever the LiDAR sits; far walls read about 1."""
     robot = dataclasses.replace(ROBOTS[name], lidar=dataclasses.replace(ROBOTS[name].lidar, num_beams=37))
     config = EncoderConfig(num_sectors=2048)
     angles = robot.lidar.angles_rad + robot.lidar.mount_yaw_rad
     edge = np.array([[slow_extent(robot, a) for a in angles]])
-    nearest_sector = np.floor((np.remainder(angles + math.pi, 2 * math.pi)) / (2 * math.pi) * 2048).astype(int) % 2048
+    nearest_sector = (
+        np.floor((np.remainder(angles + math.pi, 2 * math.pi)) / (2 * math.pi) * 2048).astype(int) % 2048
+    )
     assert encode_scan(robot, config, edge)[0, nearest_sector].max() < 4e-3
     far = np.full_like(edge, robot.lidar.max_range_m)
     assert 0.95 < encode_scan(robot, config, far).min() <= encode_scan(robot, config, far).max() <= 1.0
@@ -100,7 +107,9 @@ def test_contact_reads_zero_and_free_space_one(name: str) -> None:
     st.floats(-0.15, 0.15),
     seeds,
 )
-def test_mirrored_world_mirrored_observation(beams: int, fov: float, sectors: int, mount_x: float, seed: int) -> None:
+def test_mirrored_world_mirrored_observation(
+    beams: int, fov: float, sectors: int, mount_x: float, seed: int
+) -> None:
     """Left and right swapped: sectors reversed, side, yaw rate and turn of the other sign, all else equal."""
     robot = RobotConfig(lidar=LidarConfig(num_beams=beams, fov_rad=fov, mount_x_m=mount_x))
     encoder = ObservationEncoder(robot, EncoderConfig(num_sectors=sectors))
@@ -113,7 +122,10 @@ def test_mirrored_world_mirrored_observation(beams: int, fov: float, sectors: in
     flip = np.array([1.0, -1.0])
     one = encoder.encode(ranges, goal, twist, action)
     other = encoder.encode(
-        np.ascontiguousarray(ranges[:, mirrored_beams]), goal * flip, twist * flip, action * flip.astype(np.float32)
+        np.ascontiguousarray(ranges[:, mirrored_beams]),
+        goal * flip,
+        twist * flip,
+        action * flip.astype(np.float32),
     )
     np.testing.assert_allclose(other[:, :sectors], one[:, :sectors][:, ::-1], atol=1e-6)
     signs = np.array([1.0, -1.0, 1.0, 1.0, 1.0, -1.0, 1.0, -1.0], dtype=np.float32)
@@ -126,7 +138,9 @@ def test_extremes_stay_finite_and_bounded(name: str) -> None:
     robot = ROBOTS[name]
     encoder = ObservationEncoder(robot)
     far = robot.lidar.max_range_m
-    scans = np.repeat(np.array([0.0, 1e-30, far, 0.5 * far], dtype=np.float32)[:, None], robot.lidar.num_beams, 1)
+    scans = np.repeat(
+        np.array([0.0, 1e-30, far, 0.5 * far], dtype=np.float32)[:, None], robot.lidar.num_beams, 1
+    )
     for goal in ([0.0, 0.0], [1e-300, 0.0], [-1e-12, 1e-12], [1e6, -1e6], [0.0, -1e12]):
         for extreme in (-1.0, 0.0, 1.0):
             twist = np.full((4, 2), extreme) * [robot.max_speed_mps, robot.max_yaw_rate_radps] * 1.99
@@ -151,17 +165,19 @@ def test_nearer_is_never_more() -> None:
     assert (grows[:, 38:40] > 0.0).all()
 
 
-@given(
-    st.floats(0.05, 4.0), st.floats(-4.0, 0.0), st.floats(0.1, 6.0), seeds
-)
-def test_to_twist_and_to_action_are_inverse(fastest: float, slowest: float, turning: float, seed: int) -> None:
+@given(st.floats(0.05, 4.0), st.floats(-4.0, 0.0), st.floats(0.1, 6.0), seeds)
+def test_to_twist_and_to_action_are_inverse(
+    fastest: float, slowest: float, turning: float, seed: int
+) -> None:
     robot = RobotConfig(max_speed_mps=fastest, min_speed_mps=slowest, max_yaw_rate_radps=turning)
     action = np.random.default_rng(seed).uniform(-1.0, 1.0, (50, 2)).astype(np.float32)
     action[:4] = [[-1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [0.0, 0.0]]
     twist = to_twist(action, robot)
     np.testing.assert_allclose(to_action(twist, robot), action, atol=1e-6)
     np.testing.assert_allclose(twist[:2], [[slowest, -turning], [fastest, turning]])
-    np.testing.assert_array_equal(to_twist(3.0 * action, robot), to_twist(np.clip(3.0 * action, -1, 1), robot))
+    np.testing.assert_array_equal(
+        to_twist(3.0 * action, robot), to_twist(np.clip(3.0 * action, -1, 1), robot)
+    )
 
 
 def test_forward_only_robot_stands_still_at_minus_one() -> None:
@@ -174,12 +190,15 @@ def test_robot_frame_is_a_rotation(seed: int) -> None:
     rng = np.random.default_rng(seed)
     pose, reach = rng.uniform(-3.0, 3.0, (20, 3)), rng.uniform(0.1, 5.0, 20)
     ahead = pose[:, :2] + reach[:, None] * np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2])], axis=1)
-    np.testing.assert_allclose(in_robot_frame(pose, ahead), np.stack([reach, np.zeros(20)], axis=1), atol=1e-12)
-    assert (in_robot_frame(pose + [0.0, 0.0, 0.1], ahead)[:, 1] < 0.0).all()
+    np.testing.assert_allclose(
+        in_robot_frame(pose, ahead), np.stack([reach, np.zeros(20)], axis=1), atol=1e-12
+    )
+    assert (in_robot_frame(pose + np.array([0.0, 0.0, 0.1]), ahead)[:, 1] < 0.0).all()
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("num_sectors", 3), ("num_sectors", 2049), ("near_m", 0.0), ("goal_scale_m", math.nan)]
+    ("name", "value"),
+    [("num_sectors", 3), ("num_sectors", 2049), ("near_m", 0.0), ("goal_scale_m", math.nan)],
 )
 def test_bad_encoder_names_the_option(name: str, value: float) -> None:
     with pytest.raises(ConfigError, match=f"encoder.{name}"):

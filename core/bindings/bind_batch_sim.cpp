@@ -18,6 +18,9 @@ using Flat8 = In<std::uint8_t, nb::shape<-1>>;
 std::shared_ptr<Task> make_task(std::shared_ptr<World> world, std::tuple<double, double, double> start,
                                 std::tuple<double, double> goal, double tolerance, const In<double, Rows2> &path) {
     if (path.shape(0) < 1) throw nb::value_error("a path has at least one point");
+    require_finite({std::get<0>(start), std::get<1>(start), std::get<2>(start)}, "start");
+    require_finite({std::get<0>(goal), std::get<1>(goal)}, "goal");
+    require_all_finite(path, "path");
     return std::make_shared<Task>(Task{std::move(world),
                                        {std::get<0>(start), std::get<1>(start), std::get<2>(start)},
                                        {std::get<0>(goal), std::get<1>(goal)},
@@ -29,6 +32,10 @@ Robot make_robot(double radius, const In<double, Rows2> &corners, std::tuple<dou
                  int num_beams, double angle_min, double increment, std::tuple<double, double, double> mount,
                  double max_range, double dt_s) {
     if (num_beams < 1 || num_beams > 2048) throw nb::value_error("a LiDAR has 1 to 2048 beams");
+    require_finite({std::get<0>(speed_limits), std::get<1>(speed_limits), std::get<2>(speed_limits)}, "speed_limits");
+    require_finite({angle_min, increment}, "angle_min_rad or angle_increment_rad");
+    require_finite({std::get<0>(mount), std::get<1>(mount), std::get<2>(mount)}, "mount");
+    if (!(max_range > 0.0 && dt_s > 0.0)) throw nb::value_error("max_range_m or dt_s is not positive");
     DriveLimits limits;
     limits.max_speed = std::get<0>(speed_limits);
     limits.min_speed = std::get<1>(speed_limits);
@@ -61,6 +68,7 @@ T *buffer(const nb::dict &buffers, const char *name, std::initializer_list<std::
 // The simulator with references to the caller's arrays.
 struct BoundSim {
     BatchSim sim;
+    SimBuffers buffers;
     nb::object keep_alive;
 };
 
@@ -90,7 +98,7 @@ std::unique_ptr<BoundSim> make_sim(int num_envs, int num_threads, Robot robot, S
                        u8("collided"),
                        f64("memory", {n, kMemory})};
     // A copy of the dictionary: taking an array out of the caller's must not free it under the simulator.
-    return std::unique_ptr<BoundSim>(new BoundSim{BatchSim(num_envs, num_threads, std::move(robot), config, b),
+    return std::unique_ptr<BoundSim>(new BoundSim{BatchSim(num_envs, num_threads, std::move(robot), config, b), b,
                                                   nb::steal<nb::object>(PyDict_Copy(buffers.ptr()))});
 }
 
@@ -106,6 +114,10 @@ void reset(BoundSim &self, const Flat8 &mask) {
 }
 
 void step(BoundSim &self) {
+    for (int i = 0; i < self.sim.num_envs(); ++i) {
+        if (self.buffers.active[i])
+            require_finite({self.buffers.command[2 * i], self.buffers.command[2 * i + 1]}, "command");
+    }
     const nb::gil_scoped_release release;
     self.sim.step();
 }

@@ -4,6 +4,7 @@
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/tuple.h>
 
+#include <algorithm>
 #include <tuple>
 
 #include "../astar.hpp"
@@ -25,6 +26,8 @@ Pose pose_at(const In<double, Rows3> &poses, std::size_t i) { return {poses(i, 0
 
 Returned<float> raycast_many(const World &world, const In<double, Rows3> &poses,
                              const In<double, nb::shape<-1>> &angles, double max_range, double time_s) {
+    require_all_finite(poses, "poses");
+    require_all_finite(angles, "angles_rad");
     const Beams beams(std::vector<double>(angles.data(), angles.data() + angles.size()));
     float *out = nullptr;
     auto result = new_array<float>({poses.shape(0), angles.size()}, out);
@@ -40,6 +43,7 @@ Returned<float> raycast_many(const World &world, const In<double, Rows3> &poses,
 
 Returned<double> clearance_many(const World &world, const In<double, Rows3> &poses, double radius,
                                 const In<double, Rows2> &corners, double limit, double time_s) {
+    require_all_finite(poses, "poses");
     const Footprint footprint = make_footprint(radius, corners);
     double *out = nullptr;
     auto result = new_array<double>({poses.shape(0)}, out);
@@ -120,6 +124,14 @@ std::shared_ptr<World> make_world(const In<double, Rows3> &circles, const In<dou
                                   const In<std::int32_t, nb::shape<-1>> &offsets, const In<double, Rows4> &segments,
                                   const In<double, Rows8> &discs, const Bitmap8 &solid, double resolution,
                                   std::tuple<double, double, double> origin) {
+    require_all_finite(circles, "circles");
+    require_all_finite(corners, "polygon_corners");
+    require_all_finite(segments, "segments");
+    for (std::size_t i = 0; i < discs.size(); ++i) { // the last of eight, stop_s, may be infinite
+        require_finite({i % 8 == 7 ? std::min(discs.data()[i], 0.0) : discs.data()[i]}, "discs");
+    }
+    require_finite({std::get<0>(origin), std::get<1>(origin), std::get<2>(origin)}, "origin");
+    if (!(resolution > 0.0)) throw nb::value_error("resolution_m is not positive");
     // Out of step with the corners, the offsets would lead the kernels out of their arrays.
     const auto *end = offsets.data() + offsets.size();
     bool fits = offsets.size() > 0 && *offsets.data() == 0 && end[-1] == static_cast<std::int64_t>(corners.shape(0));

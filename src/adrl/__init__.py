@@ -3,8 +3,8 @@
     import adrl, gymnasium
     env = gymnasium.make("adrl/Nav-v0", scenario="clutter", robot="diffbot")
 
-Importing this loads neither JAX nor Gymnasium nor matplotlib: the names below are looked up when they are first used,
-and the environment is registered when Gymnasium is there, be it before or after.
+Importing this loads neither JAX nor Gymnasium nor matplotlib: the names below are looked up when they are
+first used, and the environment is registered when Gymnasium is there, be it before or after.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 from adrl.registration import ENV_ID, register_when_possible
 
 if TYPE_CHECKING:
-    from adrl.api import TrainConfig, evaluate, load_policy, train
+    from adrl.api import RunConfig, TrainConfig, evaluate, load_policy, train
 
-__all__ = ["ENV_ID", "TrainConfig", "__version__", "evaluate", "load_policy", "train"]  # noqa: F822
+    __version__: str
 
-_API = ("TrainConfig", "evaluate", "load_policy", "train")
+__all__ = ["ENV_ID", "RunConfig", "TrainConfig", "__version__", "evaluate", "load_policy", "train"]
+
+_API = ("RunConfig", "TrainConfig", "evaluate", "load_policy", "train")
 
 register_when_possible()
 

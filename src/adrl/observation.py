@@ -1,4 +1,4 @@
-"""The observation encoder: scan, goal and twist in, one vector out. Training, evaluation and robots all use this one."""
+"""The observation encoder: scan, goal and twist in, one vector out. Training and robots share it."""
 
 import math
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class ObservationEncoder:
         sectors = self.config.num_sectors
         angles = robot.lidar.angles_rad + robot.lidar.mount_yaw_rad
         width = 2.0 * math.pi / sectors
-        centres = -math.pi + (np.arange(sectors) + 0.5) * width
+        centres = -math.pi + (np.arange(sectors, dtype=np.float64) + 0.5) * width
         # A beam on the border of two sectors is in both: a mirrored scan gives mirrored sectors.
         away = np.abs(np.remainder(angles - centres[:, None] + math.pi, 2.0 * math.pi) - math.pi)  # (S, K)
         sector, self._order = np.nonzero(away <= 0.5 * width + 1e-9)
@@ -61,15 +61,15 @@ class ObservationEncoder:
 
     @property
     def limit(self) -> float:
-        """No number of a simulated observation is further from 0: a robot drives less than twice as fast as told."""
+        """No number of a simulated observation is further from 0: robots drive below twice the speed told."""
         return 2.0 * max(1.0, -self.robot.min_speed_mps / self.robot.max_speed_mps)
 
     def encode(self, ranges: F32, goal: Array, twist: Array, last_action: F32) -> F32:
         """Encode N robots.
 
-        ranges (N, K) metres; goal (N, 2) metres, in the robot's frame; twist (N, 2) m/s, rad/s; last_action (N, 2).
-        Each sector: 0 at contact, just below 1 at the LiDAR's greatest range, logarithmic between. A sector no beam
-        falls in reads the greatest range.
+        ranges (N, K) metres; goal (N, 2) metres, in the robot's frame; twist (N, 2) m/s, rad/s; last_action
+        (N, 2). Each sector: 0 at contact, just below 1 at the LiDAR's greatest range, logarithmic between. A
+        sector no beam falls in reads the greatest range.
         """
         sectors = self.config.num_sectors
         out = np.empty((len(ranges), self.size), dtype=np.float32)
@@ -95,14 +95,16 @@ class ObservationEncoder:
 
 
 def in_robot_frame(pose: Array, points: Array) -> Array:
-    """(N, 3) poses, (N, 2) points in the world -> (N, 2) points as the robots see them: x ahead, y to the left."""
+    """(N, 3) poses, (N, 2) points in the world -> (N, 2) as the robots see them: x ahead, y to the left."""
     offset = points - pose[:, :2]
     cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-    return np.stack([cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]], axis=1)
+    return np.stack(
+        [cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]], axis=1
+    )
 
 
 def to_twist(action: F32, robot: RobotConfig) -> Array:
-    """(N, 2) actions in [-1, 1] -> (N, 2) commands: speed from min_speed to max_speed (m/s), yaw rate (rad/s)."""
+    """(N, 2) actions in [-1, 1] -> (N, 2) commands: speed, from min_speed to max_speed, and yaw rate."""
     clipped = np.clip(action, -1.0, 1.0).astype(np.float64)
     span = robot.max_speed_mps - robot.min_speed_mps
     speed = robot.min_speed_mps + 0.5 * (clipped[:, 0] + 1.0) * span

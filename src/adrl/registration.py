@@ -1,4 +1,4 @@
-"""Registers adrl/Nav-v0 in Gymnasium without importing it: `import adrl` stays light, in either order of imports."""
+"""Registers adrl/Nav-v0 in Gymnasium without importing it: `import adrl` stays light, before it or after."""
 
 import sys
 from collections.abc import Sequence
@@ -37,7 +37,8 @@ class _GymnasiumFinder:
             spec = None if finder is self else finder.find_spec(name, path, target)
             if spec is not None:
                 if spec.loader is not None:
-                    spec.loader = _GymnasiumLoader(spec.loader)
+                    loader: Any = _GymnasiumLoader(spec.loader)
+                    spec.loader = loader
                 return spec
         return None
 

@@ -226,7 +226,7 @@ class World:
         for name, width in (("circles", 3), ("segments", 4), ("discs", 8)):
             array = np.ascontiguousarray(getattr(self, name), dtype=np.float64).reshape(-1, width)
             # A disc may never stop: stop_s is the one number that may be infinite.
-            checked = array[:, :7] if name == "discs" else array
+            checked = np.minimum(array, [math.inf] * 7 + [0.0]) if name == "discs" else array
             _require(bool(np.isfinite(checked).all()), f"world.{name} holds a number that is not finite")
             object.__setattr__(self, name, array)
         for corners in self.polygons:

@@ -35,10 +35,13 @@ def random_parameters(seed: int, sizes: networks.Sizes) -> F32:
 
 
 @given(st.integers(0, 10_000), st.booleans())
-@settings(max_examples=20)
+@settings(max_examples=5)
 def test_critics_equal_the_textbook(seed: int, layer_norm: bool):
     rng = np.random.default_rng(seed)
-    observation, action = rng.normal(size=(7, 3)).astype(np.float32), rng.normal(size=(7, 2)).astype(np.float32)
+    observation, action = (
+        rng.normal(size=(7, 3)).astype(np.float32),
+        rng.normal(size=(7, 2)).astype(np.float32),
+    )
     both = [random_parameters(seed, SIZES), random_parameters(seed + 1, SIZES)]
     q = networks.twin_critics(
         jnp.array(np.concatenate(both)), jnp.array(observation), jnp.array(action), SIZES, layer_norm

@@ -16,7 +16,7 @@ GAMMA, D = 0.9, 3
 
 
 def fill(replay: Replay, steps: int, seed: int) -> list[deque[dict]]:
-    """Add random steps with random endings; returns what each environment's ring should hold, oldest first."""
+    """Add random steps with random endings; returns what each environment's ring then holds, oldest first."""
     rng = np.random.default_rng(seed)
     n = replay.num_envs
     twin = [deque(maxlen=replay.rows) for _ in range(n)]
@@ -175,7 +175,7 @@ def test_newest_rows_come_in_order():
 
 
 def test_foreign_data_are_refused_with_what_to_do():
-    with pytest.raises(DatasetError, match="4 numbers.*same robot"):
+    with pytest.raises(DatasetError, match=r"4 numbers.*same robot"):
         Replay(12, 2, D, 3, GAMMA, demonstrations(size=4))
     replay, smaller = Replay(12, 2, D, 3, GAMMA), Replay(12, 1, D, 3, GAMMA)
     fill(smaller, 5, 0)

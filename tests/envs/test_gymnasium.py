@@ -3,6 +3,7 @@
 import copy
 import warnings
 from pathlib import Path
+from typing import Any
 
 import gymnasium
 import numpy as np
@@ -17,7 +18,7 @@ from adrl.errors import ConfigError, UnknownName
 
 
 @pytest.mark.parametrize("options", [{}, {"guidance": "map"}, {"robot": "jackal", "scenario": "complex"}])
-def test_env_passes_gymnasiums_checker(options: dict[str, str]) -> None:
+def test_env_passes_gymnasiums_checker(options: dict[str, Any]) -> None:
     """Not one warning; rendering included, for rgb_array and human."""
     pytest.importorskip("pygame")
     env = gymnasium.make(adrl.ENV_ID, render_mode="rgb_array", **options)
@@ -43,7 +44,7 @@ def test_two_environments_match() -> None:
 
 
 def test_vector_env_follows_the_api() -> None:
-    """make_vec takes ours, without a warning; spaces are batched; what comes out is of the announced spaces."""
+    """make_vec takes ours without a warning; spaces are batched; what comes out is in the spaces."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         env = gymnasium.make_vec(adrl.ENV_ID, num_envs=5, scenario="clutter", robot="turtlebot3_burger")
@@ -91,7 +92,7 @@ def test_episode_statistics_wrapper_counts_our_episodes() -> None:
     env.reset(seed=0)
     lengths, since = [], np.zeros(8)
     for _ in range(250):
-        _, _, terminated, truncated, info = env.step(np.tile(np.float32([1.0, 0.0]), (8, 1)))
+        _, _, terminated, truncated, info = env.step(np.tile(np.array([1.0, 0.0], dtype=np.float32), (8, 1)))
         since += 1
         ended = terminated | truncated
         if ended.any():

@@ -9,12 +9,12 @@ import pytest
 from numpy.typing import NDArray
 
 from adrl.envs import NavEnv, NavVectorEnv
-from adrl.types import RobotConfig, World
+from adrl.types import RobotConfig
 from adrl.worlds import ROBOTS, single_task
 from env_tasks import OneTask, quiet, room, straight_task
 
-FORWARD = np.float32([1.0, 0.0])
-STOP = np.float32([-1.0, 0.0])
+FORWARD = np.array([1.0, 0.0], dtype=np.float32)
+STOP = np.array([-1.0, 0.0], dtype=np.float32)
 
 
 def fingerprint(values: Any) -> bytes:
@@ -69,14 +69,14 @@ def test_constructor_seed_is_that_of_the_first_reset() -> None:
 
 @pytest.mark.parametrize("options", OPTIONS)
 def test_vector_env_of_one_equals_the_single_env(options: dict[str, Any]) -> None:
-    """Over several episodes: the single env's last observation is final_obs, its reset() the vector's autoreset."""
+    """Over episodes: the single env's last observation is final_obs, its reset() the vector's autoreset."""
     vector, single = NavVectorEnv(1, **options), NavEnv(**options)
     observation, _ = vector.reset(seed=3)
     alone, _ = single.reset(seed=3)
     assert observation[0].tobytes() == alone.tobytes()
     rng, episodes = np.random.default_rng(0), 0
     for _ in range(400):
-        action = np.float32([1.0, rng.uniform(-1.0, 1.0)])
+        action = np.array([1.0, rng.uniform(-1.0, 1.0)], dtype=np.float32)
         observation, reward, terminated, truncated, info = vector.step(action[None])
         alone, alone_reward, alone_terminated, alone_truncated, alone_info = single.step(action)
         assert info["final_obs"][0].tobytes() == alone.tobytes()
@@ -137,22 +137,22 @@ def test_final_obs_is_the_true_successor(guidance: str) -> None:
 
 def test_endings_exclude_each_other_and_say_why() -> None:
     """terminated = success or collision, never both, never with truncated; all three happen."""
-    env = NavVectorEnv(64, scenario=OneTask(straight_task(RobotConfig(), time_limit_s=12.0)))
+    task = straight_task(RobotConfig(), yaw=np.pi, time_limit_s=12.0)
+    env = NavVectorEnv(30, scenario=OneTask(task))
     env.reset(seed=0)
-    rng = np.random.default_rng(0)
     counts = np.zeros(3, dtype=int)
-    for _ in range(300):
-        action = env.expert_actions()
-        action[20:40] = STOP
-        action[40:] = [1.0, 1.0] * rng.uniform(-0.1, 0.1, (24, 2)) + [0.9, 0.4]
-        _, _, terminated, truncated, info = env.step(action.astype(np.float32))
+    for _ in range(150):
+        action = env.expert_actions()  # turns round and arrives
+        action[10:20] = STOP
+        action[20:] = FORWARD  # into the wall
+        _, _, terminated, truncated, info = env.step(action)
         np.testing.assert_array_equal(terminated, info["success"] | info["collision"])
         assert not (info["success"] & info["collision"]).any()
         assert not (terminated & truncated).any()
         np.testing.assert_array_equal(info["reward_terms"][:, 0] > 0.0, info["success"])
         np.testing.assert_array_equal(info["reward_terms"][:, 1] < 0.0, info["collision"])
         counts += [info["success"].sum(), info["collision"].sum(), truncated.sum()]
-    assert (counts[[0, 2]] > 0).all()
+    assert (counts >= 10).all()
 
 
 def test_standing_still_truncates_at_the_time_limit() -> None:
@@ -182,12 +182,11 @@ def test_arriving_at_the_time_limit_is_an_arrival() -> None:
 
 def test_driving_into_a_wall_collides() -> None:
     robot = RobotConfig()
-    world: World = room(segments=np.array([[0.0, -1.0, 0.0, 1.0]]))
-    task = single_task(world, (-1.0, 0.0, 0.0), (2.0, 0.0), robot)
+    task = single_task(room(segments=[[0.0, -1.0, 0.0, 1.0]]), (-1.0, 0.0, 0.0), (2.0, 0.0), robot)
     env = NavVectorEnv(2, scenario=OneTask(task), autoreset_mode="Disabled")
     env.reset(seed=0)
     for _ in range(40):
-        _, _, terminated, truncated, info = env.step(np.tile(FORWARD, (2, 1)))
+        _, _, terminated, _, info = env.step(np.tile(FORWARD, (2, 1)))
         if terminated.all():
             break
     assert info["collision"].all()  # pyright: ignore

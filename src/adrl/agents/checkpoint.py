@@ -8,7 +8,6 @@ A kill between any two system calls leaves the newest complete folder or the one
 """
 
 import json
-import os
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +20,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
 from adrl.errors import CheckpointError
-from adrl.files import write_json
+from adrl.files import sync, write_json
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -62,12 +61,12 @@ def save(run: Path, env_steps: int, state: Mapping[str, Any], parts: Mapping[str
     new.mkdir()
     for part, arrays in parts.items():
         path = new / f"{part}.safetensors"
-        save_file({key: np.ascontiguousarray(array) for key, array in arrays.items()}, path)
-        _sync(path)
+        save_file({key: np.asarray(array, order="C") for key, array in arrays.items()}, path)
+        sync(path)
     write_json(new / STATE_FILE, {"schema_version": SCHEMA_VERSION, "parts": sorted(parts)} | dict(state))
-    _sync(new)
+    sync(new)
     new.rename(final)
-    _sync(folder)
+    sync(folder)
     for older in _complete(folder):
         if older != final:
             _retire(older)
@@ -144,11 +143,3 @@ def _clear(folder: Path) -> None:
     for path in folder.iterdir():
         if path.name.startswith((".new-", ".old-")):
             shutil.rmtree(path)
-
-
-def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -57,10 +57,19 @@ class MlpPolicy:
         """layers: (weight (in, out), bias (out,)) from input to output."""
         self.layers = list(layers)
         self.config = config
+        # OpenBLAS wakes its threads for larger products. On a busy machine they wait for each other: 64 rows took
+        # 8 ms on average instead of 0.16 ms.
+        self._block = max(1, 2**18 // max(weight.size for weight, _ in self.layers))
 
     def act(self, observation: F32) -> F32:
         """(N, D) observations -> (N, 2) actions in [-1, 1]: speed, yaw rate."""
-        x = observation
+        actions = np.empty((len(observation), ACTION_SIZE), np.float32)
+        for start in range(0, len(observation), self._block):
+            rows = slice(start, start + self._block)
+            actions[rows] = self._forward(observation[rows])
+        return actions
+
+    def _forward(self, x: F32) -> F32:
         for weight, bias in self.layers[:-1]:
             x = x @ weight
             x += bias

@@ -1,4 +1,4 @@
-"""Gymnasium environments over the batch simulator: adrl/Nav-v0, alone and vectorised; see adrl.registration."""
+"""Gymnasium environments over the batch simulator: adrl/Nav-v0, alone and as a vector. See registration.py."""
 
 from adrl.envs.nav_env import NavEnv
 from adrl.envs.nav_sim import NavSim, Outcome

@@ -17,7 +17,8 @@ F32 = NDArray[np.float32]
 class NavEnv(gymnasium.Env[F32, F32]):
     """A vector environment of one robot, without its leading axis. Takes NavVectorEnv's keyword arguments."""
 
-    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": RENDER_FPS}
+    # Gymnasium declares metadata per instance, and reads it from the class.
+    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": RENDER_FPS}  # noqa: RUF012
 
     def __init__(self, render_mode: str | None = None, **kwargs: Any) -> None:
         self._env = NavVectorEnv(1, autoreset_mode=AutoresetMode.DISABLED, **kwargs)
@@ -26,8 +27,10 @@ class NavEnv(gymnasium.Env[F32, F32]):
         self.render_mode = render_mode
         self._renderer = Renderer() if render_mode is not None else None
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[F32, dict[str, Any]]:
-        """Start a new episode. Returns the (D,) observation, and info with the entries of a step's, all zero."""
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[F32, dict[str, Any]]:
+        """Start a new episode. Returns the (D,) observation, and info with a step's entries, all zero."""
         super().reset(seed=seed)
         observation, _ = self._env.reset(seed=seed, options=options)
         self._show()
@@ -58,7 +61,7 @@ class NavEnv(gymnasium.Env[F32, F32]):
         return self._env.expert_actions()[0]
 
     def render(self) -> NDArray[np.uint8] | None:
-        """The (H, W, 3) picture in render mode rgb_array; the window of mode human keeps itself up to date."""
+        """The (H, W, 3) picture in render mode rgb_array; the window of mode human updates itself."""
         if self.render_mode == "rgb_array" and self._renderer is not None:
             return self._renderer.draw(self._env.sim, 0)
         return None

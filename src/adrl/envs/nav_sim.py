@@ -1,4 +1,4 @@
-"""N robots, each on its own task: the batch simulator with the observation encoder and the reward terms around it.
+"""N robots, each on its own task: the batch simulator with observations and reward terms around it.
 
 No autoreset and no Gymnasium: NavVectorEnv and the evaluation's rollout are built on this.
 """
@@ -40,7 +40,7 @@ class Outcome:
 
 
 class NavSim:
-    """Robots that observe and act. `b` holds the simulator's arrays by name, a row a robot; see _core.BatchSim."""
+    """Robots that observe and act. `b` holds the simulator's arrays, a row a robot; see _core.BatchSim."""
 
     def __init__(
         self,
@@ -79,9 +79,16 @@ class NavSim:
         return self.native.num_threads
 
     def reset(
-        self, indices: NDArray[np.intp], tasks: Sequence[Task], seeds: NDArray[np.uint64], rng: np.random.Generator
+        self,
+        indices: NDArray[np.intp],
+        tasks: Sequence[Task],
+        seeds: NDArray[np.uint64],
+        rng: np.random.Generator,
     ) -> None:
-        """Start the robots `indices` (M,) on `tasks`; seeds (M,) of their sensors' noise, rng draws their parameters."""
+        """Start the robots `indices` (M,) on `tasks`.
+
+        seeds: (M,) of their sensors' noise. rng: draws their parameters.
+        """
         mask = np.zeros(self.num_envs, dtype=np.uint8)
         for i, task in zip(indices, tasks, strict=True):
             self.tasks[i] = task
@@ -135,7 +142,7 @@ class NavSim:
         return outcome
 
     def expert_actions(self) -> F32:
-        """(N, 2) actions of A*+DWA in the current states. It knows the world, the path and where discs will be."""
+        """(N, 2) actions of A*+DWA in the current states. It knows the world and where discs will be."""
         command = np.zeros((self.num_envs, 2))
         self.native.plan(command)
         return to_action(command, self.robot)

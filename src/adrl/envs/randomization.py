@@ -42,14 +42,23 @@ MILD = Randomization(gain=0.05, acceleration=0.2, lag=0.5, latency_s=0.05, range
 def nominal_params(robot: RobotConfig) -> Array:
     """(P,) what the simulator takes for the robot as configured; columns as in _core.NUM_PARAMS."""
     lidar = robot.lidar
-    params = [1.0, 1.0, robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2, robot.lag_s, robot.latency_s]
+    params = [
+        1.0,
+        1.0,
+        robot.max_acceleration_mps2,
+        robot.max_yaw_acceleration_radps2,
+        robot.lag_s,
+        robot.latency_s,
+    ]
     params += [lidar.noise_std_m, lidar.dropout_probability, 0.0, 0.0]
     assert len(params) == _core.NUM_PARAMS
     return np.array(params)
 
 
-def draw_params(robot: RobotConfig, randomization: Randomization, count: int, rng: np.random.Generator) -> Array:
-    """(count, P) parameters of new episodes. Odometry drift is drawn here too: it is random even for a nominal robot."""
+def draw_params(
+    robot: RobotConfig, randomization: Randomization, count: int, rng: np.random.Generator
+) -> Array:
+    """(count, P) parameters of new episodes. Odometry drift is drawn too, for a nominal robot as well."""
     params = np.tile(nominal_params(robot), (count, 1))
     r = randomization
     params[:, :2] *= 1.0 + r.gain * rng.uniform(-1.0, 1.0, (count, 2))

@@ -47,8 +47,8 @@ class View:
 
     def metres(self) -> Array:
         """(size, size, 2) centres of all pixels in metres."""
-        x = (np.arange(self.size_px) + 0.5 - self._left) / self.scale
-        y = (self._bottom - np.arange(self.size_px) - 0.5) / self.scale
+        centres = np.arange(self.size_px, dtype=np.float64) + 0.5
+        x, y = (centres - self._left) / self.scale, (self._bottom - centres) / self.scale
         return np.stack(np.meshgrid(x, y), axis=-1)
 
 
@@ -61,7 +61,7 @@ class Renderer:
         self._window: Any = None
 
     def draw(self, sim: "NavSim", index: int) -> NDArray[np.uint8]:
-        """(H, W, 3) picture of robot `index` with its scan, path and goal. Before the first reset: an empty one."""
+        """(H, W, 3) picture of robot `index` with its scan, path and goal; empty before the first reset."""
         task = sim.tasks[index]
         if task is None:
             return np.full((SIZE_PX, SIZE_PX, 3), 255, dtype=np.uint8)
@@ -75,16 +75,21 @@ class Renderer:
             draw.ellipse(view.disc(disc_x, disc_y, radius), fill=DISC)
         draw.point([p for hit in view.pixels(_hits(sim, index)) for p in hit], fill=SCAN)
         draw.line(view.pixels(task.path), fill=PATH, width=2)
-        draw.ellipse(view.disc(*task.goal, task.goal_tolerance_m), outline=GOAL, width=3)
+        draw.ellipse(view.disc(task.goal[0], task.goal[1], task.goal_tolerance_m), outline=GOAL, width=3)
         if sim.guidance == "map":
-            draw.ellipse(view.disc(*sim.b["waypoint"][index], 0.08), fill=WAYPOINT)
+            waypoint_x, waypoint_y = sim.b["waypoint"][index]
+            draw.ellipse(view.disc(waypoint_x, waypoint_y, 0.08), fill=WAYPOINT)
         robot = sim.robot
         if robot.radius_m is not None:
             draw.ellipse(view.disc(x, y, robot.radius_m), fill=ROBOT)
         else:
             draw.polygon(view.pixels(_place(robot.polygon, x, y, theta)), fill=ROBOT)
         nose = 1.2 * robot.circumscribed_radius_m
-        draw.line(view.pixels([(x, y), (x + nose * np.cos(theta), y + nose * np.sin(theta))]), fill=(0, 0, 0), width=2)
+        draw.line(
+            view.pixels([(x, y), (x + nose * np.cos(theta), y + nose * np.sin(theta))]),
+            fill=(0, 0, 0),
+            width=2,
+        )
         return np.asarray(image)
 
     def show(self, sim: "NavSim", index: int, fps: int) -> None:

@@ -41,14 +41,14 @@ class TaskPool:
 
 
 class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
-    """N robots on tasks drawn from a scenario. Terminates on arrival and collision, truncates at the time limit.
+    """N robots on tasks drawn from a scenario. Arrival and collision terminate, the time limit truncates.
 
     Observations (N, D) float32, see ObservationEncoder; actions (N, 2) float32 in [-1, 1]: speed, yaw rate.
-    info: reward_terms (N, 6), features (N, 3), success, collision (N,) and final_obs (N, D), the true successor of
-    every row, which differs from the observation where an episode has ended and the next one begun.
+    info: reward_terms (N, 6), features (N, 3), success, collision (N,) and final_obs (N, D), the true
+    successor of every row, which differs from the observation where an episode has ended and the next one begun.
     """
 
-    metadata: dict[str, Any] = {
+    metadata: dict[str, Any] = {  # noqa: RUF012
         "render_modes": ["rgb_array"],
         "render_fps": RENDER_FPS,
         "autoreset_mode": AutoresetMode.SAME_STEP,
@@ -76,7 +76,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
 
         robot, encoder: also as their fields, as JSON gives them.
         randomize: False for the nominal robot, True for mild variation, or a Randomization.
-        maturity: S of eq 13, which sets the reward weights (eqs 14-16); the learner overrides it as it matures.
+        maturity: S of eq 13, which sets the reward weights (eqs 14-16); the learner forms its own.
         seed: used until reset(seed=...) gives another. num_threads: 0 takes one per core.
         autoreset_mode: SAME_STEP, or DISABLED to reset with options={"reset_mask": mask}.
         """
@@ -114,7 +114,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[F32, dict[str, Any]]:
-        """Start new episodes: all, or those of options["reset_mask"] (N,) bool. Returns (N, D) observations, info."""
+        """Start new episodes: all, or those of options["reset_mask"] (N,) bool. Returns (N, D), info."""
         if seed is not None:
             self._rng = np.random.Generator(np.random.PCG64(seed))
         mask = (options or {}).get("reset_mask")
@@ -159,7 +159,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             self._renderer.close()
 
     def state(self) -> dict[str, NDArray[Any]]:
-        """Copies of all that changes, as arrays: with the constructor's arguments, enough for a byte-equal resume."""
+        """Copies of all that changes, as arrays: with the constructor's arguments, enough to resume."""
         return self.sim.state() | {"task_index": self._task_index.copy(), "rng": _pack(self._rng)}
 
     def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:

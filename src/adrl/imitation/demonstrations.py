@@ -24,11 +24,11 @@ ACTION_SIZE = 2
 class NoiseConfig:
     """How the demonstrator is pushed off its course.
 
-    A row drives as the expert says until a burst begins; then one normal offset is added to the expert's actions and
-    held until the burst ends. Noise drawn anew each step would average out and lead nowhere; between bursts the
-    expert is seen to recover. Both waiting times are geometric. Chosen by what cloning makes of 40,000 steps of
-    `clutter`: 40 % success without noise, 60 % with (0.3, 0.5, 0.8 s), 66 % with (0.5, 0.5, 0.8 s), 72 % with these,
-    where the demonstrator itself still arrives in 93 %.
+    A row drives as the expert says until a burst begins; then one normal offset is added to the expert's
+    actions and held until the burst ends. Noise drawn anew each step would average out and lead nowhere;
+    between bursts the expert is seen to recover. Both waiting times are geometric. Chosen by what cloning
+    makes of 40,000 steps of `clutter`: 40 % success without noise, 60 % with (0.3, 0.5, 0.8 s), 66 % with
+    (0.5, 0.5, 0.8 s), 72 % with these, where the demonstrator itself still arrives in 93 %.
     """
 
     fraction: float = 0.5
@@ -51,7 +51,8 @@ class NoiseConfig:
 class Demonstrations:
     """M steps, each episode's in order; the last step of an episode is terminated or truncated, never both.
 
-    Raises DatasetError if there is no step, arrays disagree, hold NaN or infinity, or the last episode has no end.
+    Raises DatasetError if there is no step, arrays disagree, hold NaN or infinity, or the last episode has no
+    end.
     """
 
     observation: F32
@@ -126,9 +127,10 @@ def collect(
 ) -> Demonstrations:
     """Let A*+DWA drive all rows of env for at least num_steps steps together, disturbed by noise.
 
-    Records what was executed and what the expert would have done. seed: of the tasks, the sensors and the noise;
-    equal seeds give equal bytes. on_step(done, total) is told the progress. Episodes that run at the end are marked
-    truncated. Raises ConfigError if there is nothing to record or env does not reset ended rows by itself.
+    Records what was executed and what the expert would have done. seed: of the tasks, the sensors and the
+    noise; equal seeds give equal bytes. on_step(done, total) is told the progress. Episodes that run at the
+    end are marked truncated. Raises ConfigError if there is nothing to record or env does not reset ended
+    rows by itself.
     """
     if num_steps < 1:
         raise ConfigError(f"the number of demonstration steps is {num_steps}; give 1 or more")

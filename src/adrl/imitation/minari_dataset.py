@@ -30,12 +30,12 @@ DESCRIPTION_KEY = "adrl"
 """Entry of Minari's metadata that holds Source.description() as JSON."""
 INFOS = ("expert_action", "reward_terms", "features")
 REWARD_MATURITY = 0.5
-"""S under whose weights the stored scalar rewards are formed; ADRL itself forms them anew from reward_terms."""
+"""S under whose weights the stored scalar rewards are formed; ADRL forms its own from reward_terms."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """What demonstrations were recorded in. Data fit a learner if robot, guidance and encoder are the same."""
+    """What demonstrations were recorded in. They fit a learner of the same robot, guidance and encoder."""
 
     robot: RobotConfig
     encoder: EncoderConfig
@@ -64,11 +64,12 @@ class Source:
 
 
 def save_minari(demonstrations: Demonstrations, path: PathLike, source: Source) -> None:
-    """Write a Minari dataset into the new folder `path`, at once: the folder is there with all in it, or not at all.
+    """Write a Minari dataset into the new folder `path`, at once: it is there with all in it, or not at all.
 
-    minari.MinariDataset(path / "data") opens it, and so does minari.load_dataset with MINARI_DATASETS_PATH set to the
-    folder above when the name ends in a version such as "-v0". recover_environment() works for the scenarios that go
-    by a name. Raises DatasetError if path exists already or observations do not chain, and OSError.
+    minari.MinariDataset(path / "data") opens it, and so does minari.load_dataset with MINARI_DATASETS_PATH
+    set to the folder above when the name ends in a version such as "-v0". recover_environment() works for the
+    scenarios that go by a name. Raises DatasetError if path exists already or observations do not chain, and
+    OSError.
     """
     target = Path(path)
     if target.exists() and not (target.is_dir() and not any(target.iterdir())):
@@ -89,10 +90,10 @@ def save_minari(demonstrations: Demonstrations, path: PathLike, source: Source) 
 def load_minari(path: PathLike, expected: Source | None = None) -> Demonstrations:
     """Read a Minari dataset: one of save_minari, or any other with the same spaces.
 
-    path is the dataset's folder or the "data" folder in it. Others' datasets need the infos reward_terms and features
-    (minari.DataCollector with record_infos=True stores them); where expert_action is missing, what was done counts as
-    what the expert says. An episode that breaks off is marked truncated.
-    expected: what the data must fit; for others' datasets only the spaces can be compared. Raises DatasetError.
+    path is the dataset's folder or the "data" folder in it. Others' datasets need the infos reward_terms and
+    features (minari.DataCollector with record_infos=True stores them); where expert_action is missing, what
+    was done counts as what the expert says. An episode that breaks off is marked truncated. expected: what
+    the data must fit; for others' datasets only the spaces can be compared. Raises DatasetError.
     """
     folder = _data_folder(Path(path))
     try:
@@ -135,8 +136,8 @@ def _write(data: Demonstrations, root: Path, name: str, source: Source) -> None:
             "dataset_id": stem if re.search(r"-v\d+$", stem) else f"{stem}-v0",
             "minari_version": minari.__version__,
             "algorithm_name": "A*+DWA with noise",
-            "description": f"Demonstrations for {ENV_ID}: the action executed, and in infos the expert's, the reward's "
-            f"terms {', '.join(REWARD_TERMS)} and the features {', '.join(FEATURES)}.",
+            "description": f"Demonstrations for {ENV_ID}: the action executed; in infos the expert's, the "
+            f"reward's terms {', '.join(REWARD_TERMS)} and the features {', '.join(FEATURES)}.",
             "requirements": [f"adrl>={description['version']}"],
             DESCRIPTION_KEY: json.dumps(description),
         }
@@ -213,8 +214,8 @@ def _columns(episode: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     lacking = [key for key in ("reward_terms", "features") if key not in infos]
     if lacking:
         raise DatasetError(
-            f"{name} has no {' and no '.join(lacking)} in its infos, which the reward is formed from (eq 17); record "
-            f"{ENV_ID} with `adrl collect` or minari.DataCollector(env, record_infos=True)"
+            f"{name} has no {' and no '.join(lacking)} in its infos, which form the reward (eq 17); "
+            f"record {ENV_ID} with `adrl collect` or minari.DataCollector(env, record_infos=True)"
         )
     observations = np.asarray(episode["observations"], dtype=np.float32)
     action = np.asarray(episode["actions"], dtype=np.float32)

@@ -1,0 +1,103 @@
+"""The run's log: strict JSON, the keys every reader relies on, and means that are means."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from numpy.typing import NDArray
+
+import resume_run
+from adrl.agents.metrics import EpisodeTally, MetricsLog, reward_row
+from adrl.errors import CheckpointError, ConfigError
+from adrl.rewards import REWARD_TERMS, RewardConfig, weights
+
+
+def f32(values: list[float]) -> NDArray[np.float32]:
+    return np.array(values, np.float32)
+
+
+KEYS = {
+    "wall_s",
+    "env_steps",
+    "updates",
+    "episode",
+    "S",
+    "alpha",
+    "lambda_bc",
+    "q_mean",
+    "return_mean",
+    "expert_fraction",
+    "success",
+}
+
+
+def test_rows_are_strict_json(tmp_path: Path):
+    log = MetricsLog(tmp_path)
+    log.write({"env_steps": 1, "a": float("nan"), "b": None, "c": 0.5, "d": float("inf")})
+    log.close()
+    row = json.loads((tmp_path / "metrics.jsonl").read_text(), parse_constant=pytest.fail)
+    assert row == {"env_steps": 1, "a": None, "b": None, "c": 0.5, "d": None}
+
+
+def test_what_a_killed_run_wrote_after_its_checkpoint_goes(tmp_path: Path):
+    log = MetricsLog(tmp_path)
+    log.write({"env_steps": 1})
+    kept = log.position()
+    log.write({"env_steps": 2})
+    log.close()
+    log = MetricsLog(tmp_path, kept, 1)
+    log.write({"env_steps": 3})
+    log.close()
+    rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
+    assert [row["env_steps"] for row in rows] == [1, 3]
+    with pytest.raises(CheckpointError, match=r"metrics\.jsonl"):
+        MetricsLog(tmp_path, 10_000, 1)
+
+
+def test_a_run_reports_every_key(tmp_path: Path):
+    resume_run.run(tmp_path, 300)
+    rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
+    assert [row["env_steps"] for row in rows] == [60, 120, 180, 240, 300]
+    for row in rows:
+        assert row.keys() >= KEYS
+        assert row.keys() >= {f"{kind}/{name}" for kind in ("term", "weight") for name in REWARD_TERMS}
+    assert [row["success"] for row in rows] == [None, 0.5, None, 0.5, None]
+    assert rows[-1]["episode"] == 4 * (300 // 4 // 10)  # four rows, ten steps an episode
+    for row in rows:
+        assert_allclose(row["expert_fraction"], row["alpha"], atol=0.5 / 16)
+    assert list((tmp_path / "tb").iterdir())
+
+
+def test_a_budget_of_time_ends_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    config = resume_run.config(10**9)
+    monkeypatch.setattr(
+        resume_run, "config", lambda steps: type(config)(max_seconds=0.5, td3=config.td3, pretrain_updates=0)
+    )
+    result = resume_run.run(tmp_path, 0)
+    assert 0.5 <= result.train_seconds < 30.0
+    assert (tmp_path / "policy.safetensors").exists()
+    with pytest.raises(ConfigError, match="steps or max_seconds"):
+        type(config)()
+
+
+def test_tally_means_finished_episodes():
+    tally = EpisodeTally(np.zeros(3, np.float32))
+    none = np.zeros(3, bool)
+    tally.add(f32([1, 2, 3]), none, none)
+    assert tally.take() == {"return_mean": None, "train_success": None}
+    tally.add(f32([1, 1, 1]), np.array([True, False, True]), np.array([True, False, False]))
+    assert tally.take() == {"return_mean": (2.0 + 4.0) / 2, "train_success": 0.5}
+    tally.add(f32([5, 5, 5]), np.array([True, True, False]), np.array([True, True, True]))
+    assert tally.take() == {"return_mean": (5.0 + 8.0) / 2, "train_success": 1.0}
+    assert tally.total == 4
+
+
+def test_reward_rows_are_means():
+    rng = np.random.default_rng(0)
+    terms, features = rng.normal(size=(4, 5, 6)), rng.random((4, 5, 3))
+    row = reward_row(terms.astype(np.float32), features.astype(np.float32), 0.3, RewardConfig())
+    assert_allclose(row["term/obstacle"], terms[..., 4].mean(), rtol=1e-4)
+    expected = weights(features, 0.3, RewardConfig())[..., 5].mean()
+    assert_allclose(row["weight/stagnation"], expected, rtol=1e-4)

@@ -1,0 +1,219 @@
+"""A*+DWA: commands that the robot can execute, and no collision that braking would have avoided."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from adrl.types import Array, OccupancyGrid, RobotConfig, Task, World
+
+from core.arenas import box, mirrored, moved, moved_pose, worlds
+from core.fleet import EMPTY, Fleet, a_task
+from core.routes import LIDAR, ROBOTS, a_fleet, drive, routes
+from core.twins import Pose
+
+VERY_SLUGGISH = RobotConfig(
+    max_speed_mps=1.5, max_acceleration_mps2=0.3, max_yaw_acceleration_radps2=1.0, lidar=LIDAR
+)
+ALL_ROBOTS = ROBOTS | {"very sluggish": VERY_SLUGGISH}
+
+
+# --- what may be commanded ------------------------------------------------------------------------------------
+
+
+@given(
+    worlds(),
+    st.sampled_from(sorted(ALL_ROBOTS)),
+    st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)),
+    st.tuples(st.floats(-3.0, 3.0), st.floats(-3.0, 3.0)),
+    st.floats(0.3, 2.0),
+)
+def test_commands_lie_within_the_limits_and_the_window(
+    world: World, name: str, twist: Pose, goal: tuple[float, float], weaker: float
+):
+    """The window is what the base of this very row can reach within one period."""
+    robot = ALL_ROBOTS[name]
+    power = np.array([robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2]) * weaker
+    fleet = a_fleet([a_task(world, goal=goal)], robot, acceleration=power[0], yaw_acceleration=power[1]).reset()
+    least = np.array([robot.min_speed_mps, -robot.max_yaw_rate_radps])
+    most = np.array([robot.max_speed_mps, robot.max_yaw_rate_radps])
+    now = least + (np.array(twist) + 1.0) / 2.0 * (most - least)
+    fleet.b["twist"][0] = now
+    command = fleet.plan()[0]
+    assert np.all(command >= least - 1e-6)
+    assert np.all(command <= most + 1e-6)
+    assert np.all(np.abs(command - now) <= power * robot.control_period_s + 1e-6)
+
+
+@given(st.floats(-2.0, 2.0), st.floats(-4.0, 4.0))
+def test_a_twist_beyond_the_limits_is_brought_back(v: float, w: float):
+    """A base whose gain is above 1 runs faster than it was told to."""
+    fleet = a_fleet([a_task(EMPTY)], ROBOTS["diffbot"]).reset()
+    fleet.b["twist"][0] = v, w
+    command = fleet.plan()[0]
+    assert -1e-6 <= command[0] <= 0.6 + 1e-6
+    assert abs(command[1]) <= 1.5 + 1e-6
+
+
+def test_in_the_open_a_robot_drives_straight_at_full_speed():
+    fleet = a_fleet([a_task(EMPTY)], ROBOTS["diffbot"]).reset()
+    for _ in range(20):
+        fleet.step(fleet.plan())
+    assert_allclose(fleet.b["twist"][0], [0.6, 0.0], atol=1e-6)
+    assert_allclose(fleet.b["pose"][0, 1:], 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("by", [(1.0, -2.0, 0.7), (-0.3, 0.4, 3.0)])
+def test_moving_everything_together_changes_no_command(by: Pose):
+    for task in routes(ROBOTS["rectangle both ways"], 8, seed=5):
+        there = Task(
+            world=moved(task.world, by),
+            start=moved_pose(task.start, by),
+            goal=moved_pose((*task.goal, 0.0), by)[:2],
+            path=np.array([moved_pose((x, y, 0.0), by)[:2] for x, y in task.path]),
+            shortest_m=1.0,
+            time_limit_s=60.0,
+        )
+        commands = [a_fleet([t], ROBOTS["rectangle both ways"]).reset().plan() for t in (task, there)]
+        assert_allclose(commands[0], commands[1], atol=1e-5)
+
+
+def test_mirrored_world_mirrored_command():
+    for task in routes(ROBOTS["diffbot"], 8, seed=6):
+        x, y, yaw = task.start
+        flip = np.array([1.0, -1.0])
+        there = replace(
+            task,
+            world=mirrored(task.world),
+            start=(x, -y, -yaw),
+            goal=(task.goal[0], -task.goal[1]),
+            path=np.ascontiguousarray(task.path * flip),
+        )
+        commands = [a_fleet([t], ROBOTS["diffbot"]).reset().plan() for t in (task, there)]
+        assert_allclose(commands[1], commands[0] * flip, atol=1e-5)
+
+
+# --- collisions -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", sorted(ALL_ROBOTS))
+def test_along_a_route_nothing_is_hit_and_the_goal_is_reached(name: str):
+    robot = ALL_ROBOTS[name]
+    reached, hit = drive(a_fleet(routes(robot, 60, seed=1), robot).reset(), 900)
+    assert not hit.any()
+    assert reached.mean() >= 0.95
+
+
+@pytest.mark.parametrize("name", sorted(ROBOTS))
+def test_along_a_route_through_a_bitmap_nothing_is_hit(name: str):
+    robot = ROBOTS[name]
+    reached, hit = drive(a_fleet(routes(robot, 8, seed=2, bitmap=True), robot).reset(), 900)
+    assert not hit.any()
+    assert reached.mean() >= 0.85
+
+
+def straight_through(tasks: list[Task]) -> list[Task]:
+    """The same tasks with a path that ignores every obstacle."""
+    return [replace(task, path=np.ascontiguousarray(task.path[[0, -1]])) for task in tasks]
+
+
+@pytest.mark.parametrize("name", sorted(ALL_ROBOTS))
+def test_a_path_through_walls_is_not_followed_into_them(name: str):
+    robot = ALL_ROBOTS[name]
+    reached, hit = drive(a_fleet(straight_through(routes(robot, 60, seed=3)), robot).reset(), 200)
+    assert not hit.any()
+    assert not reached.all()
+
+
+WALLS = {
+    "segment": World(bounds=EMPTY.bounds, segments=np.array([[2.0, -3.0, 2.0, 3.0]])),
+    "box": World(bounds=EMPTY.bounds, polygons=(box(2.01, 0.0, 0.01, 3.0),)),
+    "cells": World(
+        bounds=EMPTY.bounds,
+        grid=OccupancyGrid(solid=np.ones((120, 1), np.uint8), resolution_m=0.05, origin=(2.0, -3.0, 0.0)),
+    ),
+    "row of circles": World(
+        bounds=EMPTY.bounds,
+        circles=np.column_stack([np.full(61, 2.02), np.linspace(-3, 3, 61), np.full(61, 0.02)]),
+    ),
+}
+
+
+@pytest.mark.parametrize("wall", WALLS)
+@pytest.mark.parametrize("name", sorted(ALL_ROBOTS))
+def test_a_thin_wall_between_robot_and_goal_stops_the_fastest(wall: str, name: str):
+    robot = ALL_ROBOTS[name]
+    path = np.array([[-3.0, 0.0], [5.0, 0.0]])
+    world = replace(WALLS[wall])
+    tasks = [a_task(world, start=(-3.0, 0.1 * i, 0.1 * i), goal=(5.0, 0.0), path=path) for i in range(-5, 6)]
+    fleet = a_fleet(tasks, robot).reset()
+    _, hit = drive(fleet, 60)
+    assert not hit.any()
+    assert np.all(fleet.b["pose"][:, 0] < 2.0)
+
+
+@pytest.mark.parametrize("kind", ["circles", "segments", "polygons"])
+def test_of_too_many_obstacles_the_nearest_count(kind: str):
+    """Hundreds behind the robot, listed first, do not hide the wall in front of it."""
+    at = np.column_stack([np.random.default_rng(0).uniform(-1.4, -0.5, 400), np.linspace(-0.9, 0.9, 400)])
+    wall: dict[str, Any] = dict(circles=np.empty((0, 3)), segments=np.empty((0, 4)), polygons=())
+    if kind == "circles":
+        ahead = np.column_stack([np.full(21, 1.0), np.linspace(-1, 1, 21), np.full(21, 0.06)])
+        wall["circles"] = np.vstack([np.column_stack([at, np.full(400, 0.01)]), ahead])
+    elif kind == "segments":
+        wall["segments"] = np.vstack([np.hstack([at, at + 0.01]), [[1.0, -1.0, 1.0, 1.0]]])
+    else:
+        wall["polygons"] = (*[box(x, y, 0.01, 0.01) for x, y in at[::4]], box(1.0, 0.0, 0.05, 1.0))
+    task = a_task(World(bounds=EMPTY.bounds, **wall), goal=(1.5, 0.0))
+    fleet = a_fleet([task], ROBOTS["diffbot"]).reset()
+    _, hit = drive(fleet, 100)
+    assert not hit.any()
+    assert fleet.b["pose"][0, 0] < 0.8
+
+
+def copy_of(fleet: Fleet, i: int, task: Task, robot: RobotConfig, state: dict[str, Array]) -> Fleet:
+    """Robot i alone, in an earlier state."""
+    alone = a_fleet([task], robot)
+    for name, array in state.items():
+        alone.b[name][:] = array[i : i + 1]
+    alone.b["active"][:] = 1
+    return alone
+
+
+@pytest.mark.parametrize("discs", [3, 8])
+def test_moving_discs_hit_only_robots_that_braking_would_not_have_saved(discs: int):
+    """Discs run to and fro whatever stands in their way, so a robot may be run over; it may not drive into one."""
+    robot = ROBOTS["diffbot"]
+    tasks = routes(robot, 60, seed=4, discs=discs)
+    fleet = a_fleet(tasks, robot).reset()
+    states: list[dict[str, Array]] = []
+    hits = []
+    for step in range(500):
+        states.append(fleet.snapshot())
+        fleet.step(fleet.plan())
+        active = fleet.b["active"] == 1
+        hits += [(int(i), step) for i in np.flatnonzero(active & (fleet.b["collided"] == 1))]
+        fleet.b["active"][:] = active & (fleet.b["collided"] == 0) & (fleet.b["reached"] == 0)
+        if not fleet.b["active"].any():
+            break
+    assert len(hits) <= 0.15 * len(tasks)
+    for i, step in hits:
+        for back in (1, 2, 4):
+            braking = copy_of(fleet, i, tasks[i], robot, states[max(0, step - back)])
+            for _ in range(back + 8):
+                braking.step((0.0, 0.0))
+            assert braking.b["collided"][0] == 1, f"robot {i} could have braked {back} periods before step {step}"
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2**32 - 1))
+def test_the_same_state_gives_the_same_command(seed: int):
+    tasks = routes(ROBOTS["diffbot"], 2, seed=seed, discs=2)
+    fleet = a_fleet(tasks, ROBOTS["diffbot"]).reset()
+    assert_array_equal(fleet.plan(), fleet.plan())
+    assert_array_equal(fleet.plan()[1], a_fleet(tasks[1:], ROBOTS["diffbot"]).reset().plan()[0])

@@ -1,0 +1,66 @@
+"""The probe's bounds are the discounted returns of the two policies from the same starts."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from numpy.typing import NDArray
+
+from adrl.imitation.probe import BoundsTable, record_probe
+from adrl.rewards import RewardConfig, reward
+from probe_envs import PLAIN, Aim, Endless, Walk
+
+GAMMA = 0.9
+
+
+def test_returns_by_hand():
+    probe = record_probe(Walk(6), seed=1, max_steps=30)
+    assert probe.observation.shape == (6, 2)
+    # The expert of Walk drives at 0.5: ten steps that pay 0.05 each.
+    bounds = probe.bounds(0.5, GAMMA, PLAIN)
+    assert_allclose(bounds.high, sum(0.05 * GAMMA**t for t in range(10)), rtol=1e-5)
+    assert bounds.low < bounds.high
+
+
+def test_only_the_first_episode_counts():
+    probe = record_probe(Endless(3), seed=1, max_steps=30)
+    assert_allclose(probe.expert.value(0.5, GAMMA, PLAIN), sum(GAMMA**t for t in range(5)), rtol=1e-5)
+
+
+def test_both_policies_start_from_the_same_states():
+    probe = record_probe(Aim(50), seed=1)
+    x = probe.observation[:, 0]
+    assert set(np.unique(x)) == {-1.0, 1.0}
+    # Aim pays 1 to the expert of the very state it started in.
+    assert_allclose(probe.expert.terms[0, :, 0], 1.0, atol=1e-6)
+
+
+def test_the_table_equals_the_bounds_on_its_grid_and_stays_between():
+    probe = record_probe(Walk(6), seed=1, max_steps=30)
+    rng = np.random.default_rng(0)
+    for rollouts in (probe.random, probe.expert):
+        rollouts.terms[:] = rng.normal(size=rollouts.terms.shape)
+        rollouts.features[:] = rng.random(rollouts.features.shape)
+    config = RewardConfig()
+    table = BoundsTable(probe, GAMMA, config)
+    for s in (0.0, 0.25, 1.0):
+        assert_allclose(table.at(s), probe.bounds(s, GAMMA, config), atol=1e-6)
+    assert_allclose(table.at(0.33), probe.bounds(0.33, GAMMA, config), atol=2e-3)
+
+
+def test_values_follow_the_weights_of_today():
+    probe = record_probe(Walk(6), seed=1, max_steps=30)
+    rng = np.random.default_rng(0)
+    probe.random.terms[:] = rng.normal(size=probe.random.terms.shape)
+    config = RewardConfig()
+
+    def by_hand(s: float) -> float:
+        total = 0.0
+        alive: NDArray[np.bool_] = probe.random.alive
+        for t in range(len(alive)):
+            r = reward(probe.random.terms[t], probe.random.features[t], s, config)
+            total += GAMMA**t * float(r[alive[t]].sum())
+        return total / 6
+
+    values = [probe.random.value(s, GAMMA, config) for s in (0.0, 1.0)]
+    assert values == pytest.approx([by_hand(0.0), by_hand(1.0)], rel=1e-4)
+    assert values[0] != pytest.approx(values[1], rel=1e-3)

@@ -1,0 +1,124 @@
+"""Laws of the schedule (eqs 3, 5, 13) and of the loop S -> weights -> Q -> S."""
+
+import math
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from adrl.errors import ConfigError
+from adrl.imitation.schedule import (
+    Bounds,
+    MaturityState,
+    ScheduleConfig,
+    alpha,
+    lambda_bc,
+    measured_maturity,
+    update,
+)
+
+CONFIG = ScheduleConfig()
+unit = st.floats(0.0, 1.0)
+DT = CONFIG.interval_updates
+
+
+@given(unit, unit)
+def test_the_expert_is_released_as_the_critic_matures(a: float, b: float):
+    young, old = sorted((a, b))
+    assert CONFIG.alpha_min <= alpha(old, CONFIG) <= alpha(young, CONFIG) <= CONFIG.alpha_max
+    assert 0.0 < lambda_bc(old, CONFIG) <= lambda_bc(young, CONFIG) <= CONFIG.lambda_max
+
+
+def test_phases():
+    """Stabilisation: alpha near its maximum, lambda at it. Autonomy: both nearly released."""
+    assert alpha(0.0, CONFIG) > 0.95 * CONFIG.alpha_max
+    assert lambda_bc(0.0, CONFIG) == CONFIG.lambda_max
+    assert alpha(CONFIG.b_alpha / CONFIG.k_alpha, CONFIG) == (CONFIG.alpha_min + CONFIG.alpha_max) / 2
+    assert alpha(1.0, CONFIG) < CONFIG.alpha_min + 0.05 * CONFIG.alpha_max
+    assert math.isclose(lambda_bc(1.0, CONFIG), CONFIG.lambda_max * math.exp(-CONFIG.k_q))
+
+
+def test_without_imitation_nothing_is_left_of_it():
+    plain = ScheduleConfig(alpha_min=0.0, alpha_max=0.0, lambda_max=0.0)
+    for s in (0.0, 0.3, 1.0):
+        assert alpha(s, plain) == 0.0
+        assert lambda_bc(s, plain) == 0.0
+
+
+@given(st.floats(-10, 10), st.floats(-5, 5), st.floats(0.01, 5), st.floats(0.1, 100), st.floats(-5, 5))
+def test_measured_maturity_ignores_scale_and_offset_of_the_reward(
+    q: float, low: float, span: float, scale: float, offset: float
+):
+    plain = measured_maturity(q, Bounds(low, low + span))
+    other = measured_maturity(scale * q + offset, Bounds(scale * low + offset, scale * (low + span) + offset))
+    assert 0.0 <= plain <= 1.0
+    assert math.isclose(plain, other, abs_tol=1e-6)
+
+
+def test_an_expert_no_better_than_chance_measures_nothing():
+    assert measured_maturity(5.0, Bounds(1.0, 1.0)) == 0.0
+    assert measured_maturity(5.0, Bounds(1.0, 0.0)) == 0.0
+
+
+def run(values: list[float]) -> list[float]:
+    state, out = MaturityState(), []
+    for value in values:
+        state = update(state, value, Bounds(0.0, 1.0), DT, CONFIG)
+        out.append(state.maturity)
+    return out
+
+
+@given(st.lists(st.floats(-3, 3), min_size=1, max_size=60))
+def test_maturity_is_bounded_and_its_rate_limited(values: list[float]):
+    path = [0.0, *run(values)]
+    for before, after in pairwise(path):
+        assert 0.0 <= after <= 1.0
+        assert -DT / CONFIG.fall_updates - 1e-12 <= after - before <= DT / CONFIG.rise_updates + 1e-12
+
+
+def test_maturity_stays_zero_in_the_warm_up_whatever_the_critic_says():
+    path = run([100.0] * 20)
+    warm = CONFIG.warmup_updates // DT
+    assert path[:warm] == [0.0] * warm
+    assert path[warm] > 0.0
+
+
+@given(unit)
+def test_a_steady_value_is_reached(value: float):
+    assert math.isclose(run([value] * 400)[-1], value, abs_tol=0.01)
+
+
+def test_a_collapse_of_the_critic_barely_takes_the_release_back():
+    path = run([0.8] * 100 + [-5.0] * 10)
+    assert path[99] - path[-1] < 0.05
+
+
+@pytest.mark.parametrize("lag_updates", [300.0, 1000.0, 3000.0])
+@pytest.mark.parametrize("feedback", [0.8, 1.6])
+def test_the_loop_through_the_weights_settles(lag_updates: float, feedback: float):
+    """S changes the weights, and the measured value falls by feedback * S once the critic has followed.
+
+    S overshoots once at the most, comes down slowly and stays where value and S agree.
+    """
+    state, q, path = MaturityState(), 0.0, []
+    for _ in range(1500):
+        q += (1.0 - math.exp(-DT / lag_updates)) * (0.9 - feedback * state.maturity - q)
+        state = update(state, q, Bounds(0.0, 1.0), DT, CONFIG)
+        path.append(state.maturity)
+    balance = 0.9 / (1.0 + feedback)
+    assert math.isclose(path[-1], balance, abs_tol=1e-3)
+    after_peak = path[path.index(max(path)) :]
+    assert min(after_peak) > balance - 0.03
+    swings = [abs(b - a) for a, b in pairwise(after_peak)]
+    assert max(swings) <= DT / CONFIG.rise_updates
+    assert max(path[-300:]) - min(path[-300:]) < 1e-3
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [{"alpha_max": 1.5}, {"alpha_min": 0.6}, {"k_q": math.nan}, {"lambda_max": -1.0}, {"rise_updates": 0.0}],
+)
+def test_bad_constants_are_refused_by_name(bad: dict[str, float]):
+    with pytest.raises(ConfigError, match=next(iter(bad))):
+        ScheduleConfig(**bad)  # pyright: ignore[reportArgumentType]
