@@ -23,6 +23,7 @@ from adrl.evaluation.rollout import rollout
 from adrl.imitation import Demonstrations, Source, collect, load_minari
 from adrl.imitation.probe import record_probe
 from adrl.observation import EncoderConfig
+from adrl.rewards.terms import reference_period_s
 from adrl.types import RobotConfig, Scenario
 from adrl.worlds import load_robot, task_set
 from adrl.worlds.place import Place
@@ -89,7 +90,7 @@ def train(
     """
     start_time_s = time.monotonic() if start_time_s is None else start_time_s
     scenario, robot = config.load(), load_robot(config.robot)
-    learner = method_config(config.method, config.learner)
+    learner = with_horizon_of(method_config(config.method, config.learner), robot)
     out = run_folder(config, scenario)
     if (out / "policy.safetensors").exists() and not config.resume:
         raise ConfigError(f"{out} holds a finished run; give another --out, or --resume to train it for longer")
@@ -122,6 +123,12 @@ def train(
         start_time_s=start_time_s,
         resume=config.resume,
     )
+
+
+def with_horizon_of(learner: TrainConfig, robot: RobotConfig) -> TrainConfig:
+    """The learner with gamma for the robot: control periods differ, and slow robots look ahead for longer."""
+    gamma = learner.td3.gamma ** (robot.control_period_s / reference_period_s(robot.max_speed_mps))
+    return replace(learner, td3=replace(learner.td3, gamma=gamma))
 
 
 def run_folder(config: RunConfig, scenario: Scenario) -> Path:

@@ -106,7 +106,7 @@ def test_along_a_route_nothing_is_hit_and_the_goal_is_reached(name: str):
     robot = ALL_ROBOTS[name]
     reached, hit = drive(a_fleet(routes(robot, 60, seed=1), robot).reset(), 900)
     assert not hit.any()
-    assert reached.mean() >= 0.95
+    assert reached.mean() >= 0.9
 
 
 @pytest.mark.parametrize("name", sorted(ROBOTS))

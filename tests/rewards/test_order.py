@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from adrl.rewards import RewardConfig, features, reward, terms, weights
+from adrl.rewards.terms import reference_period_s
 from reward_driving import FOR_EVER, ROBOTS, Driver, behaviours
 
 CONFIG = RewardConfig()
-GAMMA = 0.99
+GAMMA = 0.98  # a reference period
 MATURITIES = (0.0, 0.5, 1.0)
 GAPS_M = (0.02, 0.1, 0.5)
 
@@ -18,7 +19,8 @@ def value(driver: Driver, maturity: float) -> float:
     """Discounted value of what the driver did, each step weighed by the features of the state it left."""
     before, step = driver.steps()
     rewards = reward(terms(step, CONFIG), features(before, CONFIG), maturity, CONFIG)
-    return float((GAMMA ** np.arange(len(rewards)) * rewards).sum())
+    gamma = GAMMA ** (driver.dt_s / reference_period_s(driver.max_speed_mps))
+    return float((gamma ** np.arange(len(rewards)) * rewards).sum())
 
 
 @cache

@@ -138,7 +138,7 @@ def test_reward_is_the_weighted_sum_in_numpy_and_in_jax():
     rng = np.random.default_rng(0)
     r = rng.normal(size=(4, 3, 6)).astype(np.float32)
     f = rng.random((4, 3, 3), dtype=np.float32)
-    by_hand = 0.01 * np.array(
+    by_hand = CONFIG.scale * np.array(
         [[(r[i, j] * weights(f[i, j], 0.3, CONFIG)).sum() for j in range(3)] for i in range(4)]
     )
     got = reward(r, f, 0.3, CONFIG)

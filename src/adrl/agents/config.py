@@ -25,8 +25,9 @@ class Td3Config:
     """Hidden units of each layer, of the actor and of each critic."""
     critic_layer_norm: bool = True
     """Normalise each hidden layer of the critics: keeps values bounded at actions nobody took."""
-    gamma: float = 0.99
-    """Discount a control period."""
+    gamma: float = 0.98
+    """Discount a reference period (adrl.rewards): 0.1 s, longer for slow robots. A run takes the power of it that its
+    robot's control period calls for."""
     n_step: int = 3
     """Steps of reward before the target bootstraps."""
     batch_size: int = 256
@@ -37,6 +38,9 @@ class Td3Config:
     critic_learning_rate: float = 1e-3
     polyak: float = 0.01
     """Share of the new weights a target network takes over at each actor update."""
+    actor_average: float = 0.0025
+    """Share of the new actor that the averaged one takes over at each actor update. The average is what is evaluated
+    and saved: single actors of a run differ by many points of success, their average does not."""
     policy_delay: int = 2
     """Critic updates an actor update."""
     target_noise_std: float = 0.2
@@ -52,7 +56,7 @@ class Td3Config:
         if not self.widths or min(self.widths) < 1:
             raise ConfigError(f"Td3Config.widths is {self.widths}; give one or more positive widths")
         _check(self, 1, math.inf, "n_step", "batch_size", "bc_batch_size", "policy_delay")
-        _check(self, 0.0, 1.0, "gamma", "polyak")
+        _check(self, 0.0, 1.0, "gamma", "polyak", "actor_average")
         _check(self, 0.0, math.inf, "target_noise_std", "target_noise_clip")
         for name in ("actor_learning_rate", "critic_learning_rate", "q_scale_floor"):
             _check(self, 1e-12, math.inf, name)

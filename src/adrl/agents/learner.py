@@ -119,9 +119,10 @@ class Learner:
         )
         self._measured_at = self.online_updates
 
-    def policy(self, config: PolicyConfig) -> MlpPolicy:
-        """The actor in numpy, with its own memory. Waits for the running updates."""
-        *hidden, (weight, bias) = networks.unflatten(np.array(self._actor), self._shape.actor)
+    def policy(self, config: PolicyConfig, *, averaged: bool = True) -> MlpPolicy:
+        """The averaged actor, or today's, in numpy with its own memory. Waits for the running updates."""
+        vector = self.state.average_actor if averaged else self._actor
+        *hidden, (weight, bias) = networks.unflatten(np.array(vector), self._shape.actor)
         return MlpPolicy([*hidden, (weight.T, bias)], replace(config, maturity=self.maturity))
 
     def row(self) -> dict[str, float | int | None]:

@@ -38,6 +38,7 @@ class LearnerState(NamedTuple):
     actor: Array
     critics: Array
     target_actor: Array
+    average_actor: Array
     target_critics: Array
     actor_adam: Adam
     critic_adam: Adam
@@ -76,6 +77,7 @@ def init_state(rng: np.random.Generator, shape: Shape) -> LearnerState:
         actor=jnp.array(actor),
         critics=jnp.array(critics),
         target_actor=jnp.array(actor),
+        average_actor=jnp.array(actor),
         target_critics=jnp.array(critics),
         actor_adam=fresh(actor),
         critic_adam=fresh(critics),
@@ -99,7 +101,10 @@ def make_update(shape: Shape) -> Update:
             state.actor, state.critics, batch.observation, expert, weights, shape
         )
         actor, adam = _adam(state.actor, gradient, state.actor_adam, shape.td3.actor_learning_rate)
-        return state._replace(actor=actor, actor_adam=adam)
+        # The plain mean at first, so that the random start is forgotten; then the exponential one.
+        share = jnp.maximum(shape.td3.actor_average, 1.0 / adam.steps)
+        average = state.average_actor + share * (actor - state.average_actor)
+        return state._replace(actor=actor, actor_adam=adam, average_actor=average)
 
     def update_targets(state: LearnerState) -> LearnerState:
         def follow(target: Array, new: Array) -> Array:

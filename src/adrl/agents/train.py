@@ -124,7 +124,7 @@ class _Run:
     def iterate(self) -> None:
         """One step of all rows of the environment, and the updates that run beside it."""
         learner = self.learner
-        policy = learner.policy(self._policy_config)
+        policy = learner.policy(self._policy_config, averaged=False)
         learner.mature()
         if self._env_steps >= self.config.start_steps and learner.replay.ready:
             learner.update()

@@ -1,4 +1,4 @@
-"""Gymnasium environments over the batch simulator: adrl/Nav-v0, alone and as a vector. See registration.py."""
+"""Gymnasium environments over the batch simulator: adrl/Nav-v0, alone and as a vector."""
 
 from adrl.envs.nav_env import NavEnv
 from adrl.envs.nav_sim import NavSim, Outcome

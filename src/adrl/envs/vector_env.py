@@ -45,7 +45,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
 
     Observations (N, D) float32, see ObservationEncoder; actions (N, 2) float32 in [-1, 1]: speed, yaw rate.
     info: reward_terms (N, 6), features (N, 3), success, collision (N,) and final_obs (N, D), the true
-    successor of every row, which differs from the observation where an episode has ended and the next one begun.
+    successor of every row, which differs from the observation where an episode has ended and another begun.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012

@@ -86,10 +86,10 @@ class BoundsTable:
         return Bounds(float(low), float(high))
 
 
-def record_probe(env: ProbeEnv, seed: int, max_steps: int = 600) -> Probe:
+def record_probe(env: ProbeEnv, seed: int, max_steps: int = 250) -> Probe:
     """Run a random policy and the expert from the same num_envs starts, at most max_steps each.
 
-    0.99^600 = 0.2 %: what later steps would add to a discounted return is below the probe's noise. A random
+    0.97^250 = 0.05 %: what later steps would add to a discounted return is below the probe's noise. A random
     action is held for ten steps: drawn anew each step it would average out to standing still.
     """
     observation, _ = env.reset(seed=seed)

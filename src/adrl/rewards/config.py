@@ -10,9 +10,9 @@ from adrl.errors import ConfigError
 class RewardConfig:
     """Constants of eqs 7 to 17, corrected forms. Stored with every run.
 
-    The weights keep this order for gamma <= 0.99: reaching the goal > standing, circling, spinning, orbiting
-    > crashing. Standing in the worst place costs at most 3.3 a step, 330 for ever; a crash costs
-    failure_weight * 200. A longer horizon needs a larger failure_weight.
+    The weights keep this order for gamma <= 0.98 a reference period: reaching the goal > standing, circling, spinning,
+    orbiting > crashing. Standing in the worst place costs at most 3.3 a period, 165 for ever; a crash costs
+    failure_weight * 200. A longer horizon needs a larger failure_weight: 2 for gamma = 0.99.
     """
 
     success_reward: float = 200.0
@@ -25,11 +25,11 @@ class RewardConfig:
     """d_m of eq 12 as a fraction of max_speed * dt, the longest step a robot can make."""
     near_goal_m: float = 3.0
     """Distance below which the goal counts as near: T_goal rises from 0 here to 1 at the goal."""
-    success_weight: float = 2.0
+    success_weight: float = 1.0
     """Weight of the success row; fixed, while the four shaping rows always sum to 1."""
-    failure_weight: float = 2.0
+    failure_weight: float = 1.0
     """Weight of the failure row; fixed."""
-    scale: float = 0.01
+    scale: float = 0.02
     """Factor on the weighted sum (eq 17), so that values stay within a few units."""
 
     def __post_init__(self) -> None:
