@@ -128,7 +128,9 @@ void fill_arcs(Arcs &arcs, const DriveLimits &limits, const Pose &pose, const Tw
         const double half = 0.5 * w * sample_s;
         const double sinc = std::abs(half) < 1e-4 ? 1.0 : std::sin(half) / half;
         for (int i = 0; i < kSpeeds; ++i, ++k) {
-            const double v = v_low + (v_high - v_low) * i / (kSpeeds - 1);
+            double v = v_low + (v_high - v_low) * i / (kSpeeds - 1);
+            // So is standing still, where the window holds it.
+            if (v_low < 0.0 && v_high > 0.0 && std::abs(v) <= 0.5 * (v_high - v_low) / (kSpeeds - 1)) v = 0.0;
             arcs.v[k] = static_cast<float>(v);
             arcs.w[k] = static_cast<float>(w);
             arcs.turn_c[k] = static_cast<float>(std::cos(2.0 * half));

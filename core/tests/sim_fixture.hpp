@@ -1,6 +1,8 @@
 // Robots among obstacles of every kind, with buffers of their own.
 #pragma once
 
+#include <algorithm>
+#include <limits>
 #include <memory>
 #include <utility>
 #include <vector>

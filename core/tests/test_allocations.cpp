@@ -1,7 +1,6 @@
 // A step, a plan and a reset allocate nothing once the simulator stands: the global operator new counts.
 #include <atomic>
 #include <cstdlib>
-#include <limits>
 #include <new>
 
 #include <doctest/doctest.h>

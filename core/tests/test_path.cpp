@@ -1,4 +1,5 @@
 // Paths: points at arc lengths, and arc lengths of points.
+#include <algorithm>
 #include <cmath>
 #include <vector>
 

@@ -1,4 +1,4 @@
-"""Random worlds, poses and footprints for the tests of the core, and what a world looks like moved or mirrored."""
+"""Random worlds, poses and footprints for the tests of the core; worlds moved and mirrored."""
 
 import math
 from dataclasses import replace
@@ -7,7 +7,6 @@ import numpy as np
 from hypothesis import strategies as st
 
 from adrl.types import Array, OccupancyGrid, World
-
 from core.twins import Pose, placed
 
 SIDE_M = 4.0
@@ -17,9 +16,16 @@ BOUNDS = (-SIDE_M, -SIDE_M, SIDE_M, SIDE_M)
 coordinates = st.one_of(
     st.floats(-SIDE_M, SIDE_M).map(lambda x: round(x, 6)), st.integers(-8, 8).map(lambda k: 0.5 * k)
 )
-angles = st.one_of(st.floats(-7.0, 7.0).map(lambda a: round(a, 6)), st.integers(-8, 8).map(lambda k: 0.25 * k * math.pi))
+angles = st.one_of(
+    st.floats(-7.0, 7.0).map(lambda a: round(a, 6)), st.integers(-8, 8).map(lambda k: 0.25 * k * math.pi)
+)
 poses = st.tuples(coordinates, coordinates, angles)
 sizes = st.floats(0.05, 1.0).map(lambda x: round(x, 6))
+
+
+def turn_of(count: int) -> Array:
+    """(count,) angles evenly over a full turn from 0."""
+    return np.arange(count, dtype=np.float64) * (2.0 * math.pi / count)
 
 
 def box(x: float, y: float, half_x: float, half_y: float, yaw: float = 0.0) -> Array:
@@ -52,7 +58,9 @@ footprints = st.one_of(
 
 
 def _rows(width: int, *columns: st.SearchStrategy, most: int) -> st.SearchStrategy[Array]:
-    return st.lists(st.tuples(*columns), max_size=most).map(lambda rows: np.array(rows, dtype=float).reshape(-1, width))
+    return st.lists(st.tuples(*columns), max_size=most).map(
+        lambda rows: np.array(rows, dtype=float).reshape(-1, width)
+    )
 
 
 circles = _rows(3, coordinates, coordinates, sizes, most=4)
@@ -74,7 +82,9 @@ def grids(draw: st.DrawFn) -> OccupancyGrid:
     height, width = draw(st.integers(1, 9)), draw(st.integers(1, 9))
     cells = draw(st.lists(st.sampled_from([0, 0, 0, 1]), min_size=height * width, max_size=height * width))
     solid = np.array(cells, dtype=np.uint8).reshape(height, width)
-    return OccupancyGrid(solid=solid, resolution_m=draw(st.sampled_from([0.1, 0.25, 0.5])), origin=draw(poses))
+    return OccupancyGrid(
+        solid=solid, resolution_m=draw(st.sampled_from([0.1, 0.25, 0.5])), origin=draw(poses)
+    )
 
 
 @st.composite
@@ -98,7 +108,7 @@ def random_world(rng: np.random.Generator, count: int = 12) -> World:
     return World(
         bounds=BOUNDS,
         circles=np.column_stack([place[0, :, :2], size[:, 0]]),
-        polygons=tuple(box(*place[1, i, :2], *size[i], place[1, i, 2]) for i in range(count)),
+        polygons=tuple(box(x, y, a, b, yaw) for (x, y, yaw, _), (a, b) in zip(place[1], size, strict=True)),
         segments=place[2],
         discs=np.column_stack([place[3], motion]),
     )

@@ -65,7 +65,10 @@ def params(**values: float) -> Array:
 
 
 def a_task(
-    world: World, start: tuple[float, float, float] = (0.0, 0.0, 0.0), goal: tuple[float, float] = (100.0, 0.0), **more: Any
+    world: World,
+    start: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    goal: tuple[float, float] = (100.0, 0.0),
+    **more: Any,
 ) -> Task:
     """A task whose path is the straight line unless another is given."""
     path = more.pop("path", np.array([start[:2], goal]))
@@ -82,7 +85,7 @@ class Fleet:
         *,
         num_threads: int = 1,
         config: _core.SimConfig | None = None,
-        **values: float,
+        **values: Any,
     ) -> None:
         """values: of the params of all robots, see `params`."""
         n = len(tasks)
@@ -115,7 +118,9 @@ class Fleet:
         return {name: array.copy() for name, array in self.b.items()}
 
 
-def assert_equal_bytes(one: Mapping[str, NDArray[Any]], other: Mapping[str, NDArray[Any]], rows: Any = slice(None)) -> None:
+def assert_equal_bytes(
+    one: Mapping[str, NDArray[Any]], other: Mapping[str, NDArray[Any]], rows: Any = slice(None)
+) -> None:
     """All that the simulator writes is the same in some rows, to the last bit."""
     for name in OUTPUTS:
         assert one[name][rows].tobytes() == other[name][rows].tobytes(), name
@@ -127,8 +132,8 @@ SQUARE = ((0.3, -0.2), (0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2))
 def a_robot(*, polygon: bool = False, beams: int = 16, max_range_m: float = 6.0, **more: Any) -> RobotConfig:
     """A robot of up to 3 m/s and 3 rad/s either way: a disc of 0.2 m or a rectangle of 0.6 x 0.4 m."""
     more.setdefault("lidar", LidarConfig(num_beams=beams, max_range_m=max_range_m))
-    shape = dict(radius_m=None, footprint_m=SQUARE) if polygon else dict(radius_m=0.2)
-    limits = dict(max_speed_mps=3.0, min_speed_mps=-3.0, max_yaw_rate_radps=3.0)
+    shape: dict[str, Any] = dict(radius_m=None, footprint_m=SQUARE) if polygon else dict(radius_m=0.2)
+    limits: dict[str, Any] = dict(max_speed_mps=3.0, min_speed_mps=-3.0, max_yaw_rate_radps=3.0)
     return RobotConfig(**(shape | limits | more))
 
 

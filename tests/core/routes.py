@@ -1,14 +1,13 @@
-"""Random arenas with A* routes through them, and robots driven along them by A*+DWA, for the tests of the core."""
+"""Random arenas with A* routes through them, and robots that A*+DWA drives, for the tests of the core."""
 
 import math
-from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.types import Array, LidarConfig, OccupancyGrid, RobotConfig, Task, World
-
 from core.arenas import box
 from core.fleet import Fleet, a_task
 
@@ -27,7 +26,9 @@ ROBOTS = {
         max_acceleration_mps2=5.0,
         lidar=LIDAR,
     ),
-    "sluggish": RobotConfig(max_speed_mps=1.0, max_acceleration_mps2=0.5, max_yaw_acceleration_radps2=2.0, lidar=LIDAR),
+    "sluggish": RobotConfig(
+        max_speed_mps=1.0, max_acceleration_mps2=0.5, max_yaw_acceleration_radps2=2.0, lidar=LIDAR
+    ),
     "small and fast": RobotConfig(
         radius_m=0.08, max_speed_mps=3.0, max_yaw_rate_radps=3.0, max_acceleration_mps2=4.0, lidar=LIDAR
     ),
@@ -40,12 +41,15 @@ def arena(rng: np.random.Generator, discs: int = 0) -> World:
     outer = [[low, low, high, low], [high, low, high, high], [high, high, low, high], [low, high, low, low]]
     at = rng.uniform(low, high, (3, 10, 2))
     turn = rng.uniform(0.0, math.pi, 10)
+    halves = rng.uniform(0.1, 0.5, (10, 2))
     walls = np.hstack([at[2], at[2] + 1.2 * np.column_stack([np.cos(turn), np.sin(turn)])])
-    runs = np.column_stack([rng.uniform(low, high, (discs, 4)), np.full(discs, 0.25), rng.uniform(0.1, 0.4, discs)])
+    runs = np.column_stack(
+        [rng.uniform(low, high, (discs, 4)), np.full(discs, 0.25), rng.uniform(0.1, 0.4, discs)]
+    )
     return World(
         bounds=(low, low, high, high),
         circles=np.column_stack([at[0], rng.uniform(0.1, 0.4, 10)]),
-        polygons=tuple(box(*at[1, i], *rng.uniform(0.1, 0.5, 2), turn[i]) for i in range(8)),
+        polygons=tuple(box(x, y, a, b, yaw) for (x, y), (a, b), yaw in zip(at[1], halves, turn, strict=True)),
         segments=np.vstack([outer, walls[:4]]),
         discs=np.column_stack([runs, rng.uniform(0, 1, discs), np.full(discs, math.inf)]),
     )
@@ -60,7 +64,7 @@ def as_bitmap(world: World) -> World:
 
 
 def route(world: World, robot: RobotConfig, rng: np.random.Generator) -> Task | None:
-    """A task of at least 3 m between two random places, with the shortened A* path; None when the draw fails."""
+    """A task of at least 3 m between random places, with the shortened A* path; None when the draw fails."""
     room_m = robot.circumscribed_radius_m + 0.06
     field = _core.clearance_field(world.native, -SIDE_M, -SIDE_M, SIZE, SIZE, CELL_M, 1.0)
     blocked: NDArray[np.uint8] = (field < room_m).astype(np.uint8)
@@ -87,11 +91,11 @@ def routes(robot: RobotConfig, count: int, seed: int, discs: int = 0, bitmap: bo
     return found
 
 
-def a_fleet(tasks: list[Task], robot: RobotConfig, **values: float) -> Fleet:
+def a_fleet(tasks: list[Task], robot: RobotConfig, **values: Any) -> Fleet:
     """Robots whose bases are as their configuration says."""
     config = _core.SimConfig()
     config.dwa_lookahead_m = min(max(1.5 * robot.max_speed_mps, 0.5), 3.0)
-    base = dict(
+    base: dict[str, Any] = dict(
         acceleration=robot.max_acceleration_mps2,
         yaw_acceleration=robot.max_yaw_acceleration_radps2,
         lag_s=robot.lag_s,
@@ -112,8 +116,3 @@ def drive(fleet: Fleet, steps: int) -> tuple[Array, Array]:
         if not fleet.b["active"].any():
             break
     return reached, hit
-
-
-def slowed(robot: RobotConfig) -> RobotConfig:
-    """The same robot, half as fast."""
-    return replace(robot, max_speed_mps=0.5 * robot.max_speed_mps)

@@ -1,6 +1,7 @@
 """A* against Dijkstra and the published optima, and paths pulled taut."""
 
 import math
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.types import Array
-
 from core import twins
 from core.twins import Cell
 
@@ -42,7 +42,7 @@ def assert_is_a_legal_path(blocked: Bitmap, cells: NDArray[np.int32], start: Cel
     assert cells.dtype == np.int32
     path = [(int(row), int(column)) for row, column in cells]
     assert (path[0], path[-1]) == (start, goal)
-    for here, after in zip(path, path[1:], strict=False):
+    for here, after in pairwise(path):
         assert after in dict(twins.moves(blocked, here))
 
 
@@ -124,7 +124,7 @@ def test_every_published_optimum(shared_data: Path, city: str):
         assert_allclose(octile_m(cells), optimum, atol=1e-6)
 
 
-# --- pulled taut ----------------------------------------------------------------------------------------------
+# --- pulled taut --------------------------------------------------------------------------------
 
 
 def touched(at: Array) -> list[Cell]:
@@ -146,7 +146,7 @@ def assert_is_pulled_taut(blocked: Bitmap, cells: NDArray[np.int32]) -> None:
     assert_array_equal(corners[[0, -1]], cells[[0, -1]])
     length = float(np.hypot(*np.diff(corners, axis=0).T).sum())
     assert math.dist(corners[0], corners[-1]) - 1e-9 <= length <= octile_m(cells) + 1e-9
-    for a, b in zip(corners, corners[1:], strict=False):
+    for a, b in pairwise(corners):
         assert_line_is_free(blocked, a, b)
 
 

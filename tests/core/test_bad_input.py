@@ -9,7 +9,6 @@ import pytest
 from adrl import _core
 from adrl.errors import ConfigError
 from adrl.types import World
-
 from core.fleet import EMPTY
 
 NONE = {width: np.empty((0, width)) for width in (2, 3, 4, 8)}
@@ -48,12 +47,18 @@ def a_robot(**changes: Any) -> _core.Robot:
 
 def a_task(**changes: Any) -> _core.Task:
     good: dict[str, Any] = dict(
-        world=EMPTY.native, start=(0.0, 0.0, 0.0), goal=(1.0, 0.0), goal_tolerance_m=0.3, path=np.zeros((1, 2))
+        world=EMPTY.native,
+        start=(0.0, 0.0, 0.0),
+        goal=(1.0, 0.0),
+        goal_tolerance_m=0.3,
+        path=np.zeros((1, 2)),
     )
     return _core.Task(**(good | changes))
 
 
-@pytest.mark.parametrize("offsets", [[0, 4], [0, 2, 3], [-1, 3], [0, 3, 2], [0, 2], [1, 3], [0, 0, 3], [3], []])
+@pytest.mark.parametrize(
+    "offsets", [[0, 4], [0, 2, 3], [-1, 3], [0, 3, 2], [0, 2], [1, 3], [0, 0, 3], [3], []]
+)
 def test_offsets_out_of_step_with_the_corners(offsets: list[int]):
     with pytest.raises(ValueError, match="polygon_offsets"):
         a_world(polygon_offsets=np.array(offsets, dtype=np.int32))
@@ -68,7 +73,7 @@ def test_worlds_of_numbers_that_are_not_finite(name: str, bad: float):
         a_world(**{name: array})
     if name != "polygon_corners":
         with pytest.raises(ConfigError, match=name):
-            World(bounds=(0.0, 0.0, 1.0, 1.0), **{name: array})
+            World(bounds=(0.0, 0.0, 1.0, 1.0), **{name: array})  # pyright: ignore[reportArgumentType]
 
 
 def test_a_disc_may_never_stop_but_not_at_no_number():

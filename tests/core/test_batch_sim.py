@@ -1,4 +1,4 @@
-"""BatchSim: equal bytes whatever the threads and the company, all state in the buffers, bad buffers refused."""
+"""BatchSim: equal bytes whatever the threads and the company, all state in buffers, bad buffers refused."""
 
 import math
 from typing import Any
@@ -9,7 +9,6 @@ from numpy.testing import assert_array_equal
 
 from adrl import _core
 from adrl.types import Array, Task
-
 from core.arenas import moved, random_world
 from core.fleet import EMPTY, OUTPUTS, WALLED, Fleet, a_robot, a_task, assert_equal_bytes, buffers
 
@@ -104,7 +103,9 @@ def test_reset_puts_a_robot_at_rest_at_its_start():
     for i, task in enumerate(robots):
         assert_array_equal(b["pose"][i], task.start)
         assert_array_equal(b["odometry"][i], task.start)
-        free = _core.clearance(task.world.native, np.array([task.start]), 0.0, a_robot(polygon=True).polygon, 1.0)
+        free = _core.clearance(
+            task.world.native, np.array([task.start]), 0.0, a_robot(polygon=True).polygon, 1.0
+        )
         assert b["clearance"][i] == b["least_clearance"][i] == free[0]
         assert b["collided"][i] == (free[0] <= 0.0)
     for name in ("twist", "time", "travelled", "reached"):
@@ -188,7 +189,7 @@ def test_waypoint_and_rest_of_the_route_follow_the_path():
     assert_array_equal(to_goal.b["waypoint"][0], [2.0, 3.0])
 
 
-# --- bad buffers ----------------------------------------------------------------------------------------------
+# --- bad buffers --------------------------------------------------------------------------------
 
 
 def make(**changes: Any) -> _core.BatchSim:
@@ -228,14 +229,20 @@ def test_buffers_of_the_wrong_kind_are_refused(name: str):
 
 def test_masks_and_outputs_of_the_wrong_kind_are_refused():
     sim = make()
-    for mask in (np.ones(3, dtype=bool), np.ones(3), [1, 1, 1], np.ones(6, np.uint8)[::2], np.ones((3, 1), np.uint8)):
+    for mask in (
+        np.ones(3, dtype=bool),
+        np.ones(3),
+        [1, 1, 1],
+        np.ones(6, np.uint8)[::2],
+        np.ones((3, 1), np.uint8),
+    ):
         with pytest.raises(TypeError):
             sim.reset(mask)  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match="mask"):
         sim.reset(np.ones(2, dtype=np.uint8))
     for out in (np.ones((3, 2), np.float32), np.ones((3, 3)), np.ones((2, 3)).T, np.ones((6, 2))[::2]):
         with pytest.raises(TypeError):
-            sim.plan(out)
+            sim.plan(out)  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match="out"):
         sim.plan(np.ones((2, 2)))
 

@@ -11,9 +11,21 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from adrl import _core
 from adrl.types import Array, OccupancyGrid, World
-
 from core import twins
-from core.arenas import BOUNDS, box, footprints, grids, mirrored, moved, moved_pose, polygons, poses, random_world, worlds
+from core.arenas import (
+    BOUNDS,
+    box,
+    footprints,
+    grids,
+    mirrored,
+    moved,
+    moved_pose,
+    polygons,
+    poses,
+    random_world,
+    turn_of,
+    worlds,
+)
 from core.arenas import circles as circle_rows
 from core.arenas import discs as disc_rows
 from core.arenas import segments as segment_rows
@@ -24,7 +36,9 @@ RADIUS_M = 0.2
 radii = st.floats(0.05, 0.5)
 
 
-def clearance(world: World, pose: Pose, radius_m: float, footprint: Array, limit_m: float = 1.0, time_s: float = 0.0) -> float:
+def clearance(
+    world: World, pose: Pose, radius_m: float, footprint: Array, limit_m: float = 1.0, time_s: float = 0.0
+) -> float:
     return float(_core.clearance(world.native, np.array([pose]), radius_m, footprint, limit_m, time_s)[0])
 
 
@@ -77,8 +91,13 @@ def test_a_footprint_within_an_obstacle_overlaps_it(pose: Pose, half: float):
         for world in (
             World(bounds=BOUNDS, polygons=(box(x, y, 1.0, 1.0, 0.4),)),
             World(bounds=BOUNDS, circles=np.array([[x, y, 1.0]])),
-            World(bounds=BOUNDS, grid=OccupancyGrid(solid=solid, resolution_m=0.05, origin=(x - 1, y - 1, 0.0))),
-            World(bounds=BOUNDS, grid=OccupancyGrid(solid=solid[:1, :1], resolution_m=2.0, origin=(x - 1, y - 1, 0.0))),
+            World(
+                bounds=BOUNDS, grid=OccupancyGrid(solid=solid, resolution_m=0.05, origin=(x - 1, y - 1, 0.0))
+            ),
+            World(
+                bounds=BOUNDS,
+                grid=OccupancyGrid(solid=solid[:1, :1], resolution_m=2.0, origin=(x - 1, y - 1, 0.0)),
+            ),
         ):
             assert clearance(world, pose, half, footprint) <= 0.0
     big = box(0.0, 0.0, 0.5, 0.5)
@@ -87,15 +106,23 @@ def test_a_footprint_within_an_obstacle_overlaps_it(pose: Pose, half: float):
             World(bounds=BOUNDS, polygons=(box(x, y, half, half, 0.4),)),
             World(bounds=BOUNDS, circles=np.array([[x, y, half]])),
             World(bounds=BOUNDS, segments=np.array([[x - half, y, x + half, y + half]])),
-            World(bounds=BOUNDS, grid=OccupancyGrid(solid=solid[:1, :1], resolution_m=half, origin=(x, y, 0.0))),
+            World(
+                bounds=BOUNDS, grid=OccupancyGrid(solid=solid[:1, :1], resolution_m=half, origin=(x, y, 0.0))
+            ),
         ):
             assert clearance(world, pose, 0.5, footprint) <= 0.0
 
 
 @given(worlds(), poses, footprints, poses)
-def test_moving_world_and_robot_together_changes_nothing(world: World, pose: Pose, footprint: Array, by: Pose):
+def test_moving_world_and_robot_together_changes_nothing(
+    world: World, pose: Pose, footprint: Array, by: Pose
+):
     here = clearance(world, pose, RADIUS_M, footprint)
-    assert_allclose(max(clearance(moved(world, by), moved_pose(pose, by), RADIUS_M, footprint), 0), max(here, 0), atol=1e-9)
+    assert_allclose(
+        max(clearance(moved(world, by), moved_pose(pose, by), RADIUS_M, footprint), 0),
+        max(here, 0),
+        atol=1e-9,
+    )
 
 
 @given(worlds(), poses, footprints)
@@ -107,22 +134,26 @@ def test_mirrored_world_mirrored_robot(world: World, pose: Pose, footprint: Arra
 
 
 @given(worlds(), poses, footprints, poses)
-def test_a_robot_that_moves_by_a_metre_gains_at_most_a_metre(world: World, pose: Pose, footprint: Array, by: Pose):
+def test_a_robot_that_moves_by_a_metre_gains_at_most_a_metre(
+    world: World, pose: Pose, footprint: Array, by: Pose
+):
     """Conservative advancement rests on this: no clearance changes faster than the robot moves."""
     there = (pose[0] + by[0] / 8.0, pose[1] + by[1] / 8.0, pose[2])
-    change = clearance(world, there, RADIUS_M, footprint, 9.0) - clearance(world, pose, RADIUS_M, footprint, 9.0)
+    change = clearance(world, there, RADIUS_M, footprint, 9.0) - clearance(
+        world, pose, RADIUS_M, footprint, 9.0
+    )
     assert abs(change) <= math.hypot(by[0], by[1]) / 8.0 + 1e-9
 
 
-# --- the same geometry as the LiDAR's ------------------------------------------------------------------------
+# --- the same geometry as the LiDAR's -----------------------------------------------------------
 
 
 @given(worlds(), poses, st.floats(0.0, 9.0))
 def test_no_beam_is_shorter_than_clearance_and_radius(world: World, pose: Pose, time_s: float):
-    """Seen from a disc's centre: what is at range r is r - radius away, and nothing is nearer than the clearance."""
+    """Seen from a disc's centre, what is at range r is r - radius away: nothing is nearer."""
     free = clearance(world, pose, RADIUS_M, DISC, 5.0, time_s)
     assume(free > 0.0)
-    angles = np.arange(720) * (2.0 * math.pi / 720)
+    angles = turn_of(720)
     ranges = _core.raycast(world.native, np.array([pose]), angles, 6.0, time_s)[0]
     assert ranges.min() - RADIUS_M >= free - 1e-6
 
@@ -134,19 +165,21 @@ def test_the_nearest_beam_is_clearance_and_radius(seed: int, bitmap: bool):
     world = random_world(rng, 5)
     if bitmap:
         solid = (rng.random((30, 30)) < 0.1).astype(np.uint8)
-        grid = OccupancyGrid(solid=solid, resolution_m=0.2, origin=(*rng.uniform(-4, 0, 2), rng.uniform(-3, 3)))
+        grid = OccupancyGrid(
+            solid=solid, resolution_m=0.2, origin=(*rng.uniform(-4, 0, 2), rng.uniform(-3, 3))
+        )
         world = World(bounds=BOUNDS, grid=grid)
     # A segment seen edge on has no width to meet a beam: leave it out.
     world = replace(world, segments=np.empty((0, 4)))
     pose = (*rng.uniform(-4, 4, 2), rng.uniform(-3, 3))
     free = clearance(world, pose, RADIUS_M, DISC, 5.0)
     assume(free > 0.0)
-    ranges = _core.raycast(world.native, np.array([pose]), np.arange(1800) * (2.0 * math.pi / 1800), 6.0)[0]
+    ranges = _core.raycast(world.native, np.array([pose]), turn_of(1800), 6.0)[0]
     nearest = min(float(ranges.min()), 5.0 + RADIUS_M)
     assert_allclose(nearest - RADIUS_M, free, atol=0.03)
 
 
-# --- bad input ------------------------------------------------------------------------------------------------
+# --- bad input ----------------------------------------------------------------------------------
 
 
 def test_arrays_of_the_wrong_kind_are_refused():
@@ -159,11 +192,15 @@ def test_arrays_of_the_wrong_kind_are_refused():
         (here, np.asfortranarray(box(0, 0, 1, 1))),
     ):
         with pytest.raises(TypeError):
-            _core.clearance(native, poses_in, 0.2, footprint, 1.0)
+            _core.clearance(native, poses_in, 0.2, footprint, 1.0)  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match="16"):
         _core.clearance(native, here, 0.2, np.zeros((17, 2)), 1.0)
 
 
 def test_nothing_there_is_as_far_as_the_limit():
-    assert_array_equal(_core.clearance(World(bounds=BOUNDS).native, np.zeros((2, 3)), 0.2, DISC, 0.75), [0.75, 0.75])
-    assert_array_equal(_core.clearance(World(bounds=BOUNDS).native, np.zeros((2, 3)), 0, box(0, 0, 1, 1), 0.75), 0.75)
+    assert_array_equal(
+        _core.clearance(World(bounds=BOUNDS).native, np.zeros((2, 3)), 0.2, DISC, 0.75), [0.75, 0.75]
+    )
+    assert_array_equal(
+        _core.clearance(World(bounds=BOUNDS).native, np.zeros((2, 3)), 0, box(0, 0, 1, 1), 0.75), 0.75
+    )

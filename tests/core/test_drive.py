@@ -11,7 +11,6 @@ from numpy.testing import assert_allclose
 
 from adrl import _core
 from adrl.types import Array, LidarConfig, OccupancyGrid, RobotConfig, World
-
 from core import twins
 from core.arenas import BOUNDS, box, moved, poses, random_world, worlds
 from core.fleet import Fleet, a_robot, a_task
@@ -31,7 +30,9 @@ def launched(world: World, pose: Pose, robot: RobotConfig, v: float, w: float = 
 
 
 def footprint_clearance(world: World, pose: Array, robot: RobotConfig, time_s: float = 0.0) -> float:
-    return float(_core.clearance(world.native, pose[None].copy(), robot.radius_m or 0.0, robot.polygon, 1.0, time_s)[0])
+    return float(
+        _core.clearance(world.native, pose[None].copy(), robot.radius_m or 0.0, robot.polygon, 1.0, time_s)[0]
+    )
 
 
 def shrunk(robot: RobotConfig, by_m: float) -> RobotConfig:
@@ -40,14 +41,19 @@ def shrunk(robot: RobotConfig, by_m: float) -> RobotConfig:
         return replace(robot, radius_m=robot.radius_m - by_m)
     middle = robot.polygon.mean(axis=0)
     scale = 1.0 - by_m / 0.2
-    return replace(robot, footprint_m=tuple((float(x), float(y)) for x, y in middle + scale * (robot.polygon - middle)))
+    return replace(
+        robot, footprint_m=tuple((float(x), float(y)) for x, y in middle + scale * (robot.polygon - middle))
+    )
 
 
-# Obstacles across the way of a robot that starts at the origin and faces +x. The gap is what is left to drive.
+# Obstacles across the way of a robot that starts at the origin and faces +x, and how far their front is.
 THIN_CELLS = OccupancyGrid(solid=np.ones((40, 1), dtype=np.uint8), resolution_m=0.05, origin=(2.0, -1.0, 0.0))
 THIN = {
     "segment": (replace(NOWHERE, segments=np.array([[2.0, -1.0, 2.0, 1.0]])), 2.0),
-    "slanted segment": (replace(NOWHERE, segments=np.array([[2.0, 0.0, 3.0, 2.0], [2.0, 0.0, 3.0, -2.0]])), 2.0),
+    "slanted segment": (
+        replace(NOWHERE, segments=np.array([[2.0, 0.0, 3.0, 2.0], [2.0, 0.0, 3.0, -2.0]])),
+        2.0,
+    ),
     "row of cells": (replace(NOWHERE, grid=THIN_CELLS), 2.0),
     "circle": (replace(NOWHERE, circles=np.array([[2.002, 0.0, 0.002]])), 2.0),
     "disc": (replace(NOWHERE, discs=np.array([[2.002, 0, 9, 0, 0.002, 0.0, 0.0, 0.0]])), 2.0),
@@ -61,7 +67,9 @@ FLAT_ENOUGH = {"disc": 0.2, "polygon": 0.3}
 @pytest.mark.parametrize("backwards", [False, True])
 @given(by=poses, period_s=st.sampled_from([0.02, 0.1, 0.5]), farther_m=st.floats(0.0, 0.5))
 @settings(max_examples=15)
-def test_nothing_is_too_thin_to_stop_a_robot(thing: str, shape: str, backwards: bool, by: Pose, period_s: float, farther_m):
+def test_nothing_is_too_thin_to_stop_a_robot(
+    thing: str, shape: str, backwards: bool, by: Pose, period_s: float, farther_m
+):
     world, front_m = THIN[thing]
     robot = a_robot(polygon=shape == "polygon", control_period_s=period_s)
     start = twins.placed(by, (-farther_m, 0.0))
@@ -112,7 +120,7 @@ def test_a_corner_that_sweeps_round_hits_what_a_disc_would_turn_past(w: float):
 @settings(max_examples=150)
 @given(worlds(), poses, st.booleans(), st.floats(-FAST_MPS, FAST_MPS), st.integers(-300, 300))
 def test_no_arc_passes_through_anything(world: World, pose: Pose, polygon: bool, v: float, turn: int):
-    """At every instant until the robot stops, a footprint 1.5 mm smaller is free; in contact, the footprint is not."""
+    """Until the robot stops, a footprint 1.5 mm smaller is free; in contact, the true one is not."""
     w = 0.01 * turn
     robot = a_robot(polygon=polygon, control_period_s=0.5)
     fleet = launched(world, pose, robot, v, w)
@@ -150,14 +158,16 @@ def test_a_moving_disc_runs_into_a_robot_that_stands():
 
 
 def front(robot: RobotConfig, wider_m: float) -> Array:
-    """(P, 2) points along the footprint's outline, its width changed by wider_m to each side; frame of the robot."""
+    """(P, 2) points along the footprint's outline in the robot's frame, each side moved out by wider_m."""
     if robot.radius_m is not None:
         around = np.linspace(-math.pi, math.pi, 4001)
         outline = robot.radius_m * np.column_stack([np.cos(around), np.sin(around)])
     else:
         part = np.linspace(0.0, 1.0, 1500)[:, None]
         corners = robot.polygon
-        outline = np.vstack([a + part * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)])
+        outline = np.vstack(
+            [a + part * (b - a) for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True)]
+        )
     width = np.abs(outline[:, 1]).max()
     return outline * [1.0, 1.0 + wider_m / width]
 

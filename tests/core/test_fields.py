@@ -11,7 +11,6 @@ from scipy import ndimage
 
 from adrl import _core
 from adrl.types import World
-
 from core import twins
 from core.arenas import BOUNDS, worlds
 
@@ -28,7 +27,9 @@ def test_every_distance_is_the_nearest_solid_cells(solid: NDArray[np.uint8]):
 
 @given(solids, st.floats(0.01, 2.0))
 def test_the_resolution_scales_the_field(solid: NDArray[np.uint8], resolution_m: float):
-    assert_allclose(_core.distance_field(solid, resolution_m), twins.distance_field(solid) * resolution_m, rtol=1e-6)
+    assert_allclose(
+        _core.distance_field(solid, resolution_m), twins.distance_field(solid) * resolution_m, rtol=1e-6
+    )
 
 
 @given(solids)
@@ -43,7 +44,9 @@ def test_large_bitmaps_against_scipy(density: float):
     rng = np.random.default_rng(3)
     solid = (rng.random((420, 610)) < density).astype(np.uint8)
     solid[200, 300] = 1
-    assert_array_equal(_core.distance_field(solid, 1.0), ndimage.distance_transform_edt(solid == 0).astype(np.float32))
+    assert_array_equal(
+        _core.distance_field(solid, 1.0), np.asarray(ndimage.distance_transform_edt(solid == 0), np.float32)
+    )
 
 
 def test_nothing_solid_is_infinitely_far():
@@ -53,15 +56,29 @@ def test_nothing_solid_is_infinitely_far():
 
 
 def test_any_number_but_zero_is_solid():
-    assert_array_equal(_core.distance_field(np.array([[255, 0, 0, 2]], dtype=np.uint8), 1.0), [[0.0, 1.0, 1.0, 0.0]])
+    assert_array_equal(
+        _core.distance_field(np.array([[255, 0, 0, 2]], dtype=np.uint8), 1.0), [[0.0, 1.0, 1.0, 0.0]]
+    )
 
 
 @settings(max_examples=40)
-@given(worlds(), st.floats(-3.0, 1.0), st.floats(-3.0, 1.0), st.sampled_from([0.1, 0.25, 0.4]), st.floats(0.05, 2.0))
-def test_a_field_of_clearances_is_the_twins(world: World, x: float, y: float, resolution_m: float, limit_m: float):
+@given(
+    worlds(),
+    st.floats(-3.0, 1.0),
+    st.floats(-3.0, 1.0),
+    st.sampled_from([0.1, 0.25, 0.4]),
+    st.floats(0.05, 2.0),
+)
+def test_a_field_of_clearances_is_the_twins(
+    world: World, x: float, y: float, resolution_m: float, limit_m: float
+):
     """The clearance of a point at every cell's centre; moving discs do not count, insides are 0."""
     still = World(
-        bounds=BOUNDS, circles=world.circles, polygons=world.polygons, segments=world.segments, grid=world.grid
+        bounds=BOUNDS,
+        circles=world.circles,
+        polygons=world.polygons,
+        segments=world.segments,
+        grid=world.grid,
     )
     field = _core.clearance_field(world.native, x, y, 7, 5, resolution_m, limit_m)
     assert field.shape == (5, 7)
@@ -75,11 +92,17 @@ def test_a_field_of_clearances_is_the_twins(world: World, x: float, y: float, re
 @given(worlds(), st.floats(0.05, 2.0))
 def test_a_field_agrees_with_the_clearance_kernel_all_over_the_world(world: World, limit_m: float):
     still = World(
-        bounds=BOUNDS, circles=world.circles, polygons=world.polygons, segments=world.segments, grid=world.grid
+        bounds=BOUNDS,
+        circles=world.circles,
+        polygons=world.polygons,
+        segments=world.segments,
+        grid=world.grid,
     )
     field = _core.clearance_field(world.native, -5.0, -5.0, 40, 40, 0.25, limit_m)
     rows, columns = np.indices(field.shape)
-    poses = np.stack([(columns + 0.5) * 0.25 - 5.0, (rows + 0.5) * 0.25 - 5.0, 0.0 * rows], axis=-1).reshape(-1, 3)
+    poses = np.stack([(columns + 0.5) * 0.25 - 5.0, (rows + 0.5) * 0.25 - 5.0, 0.0 * rows], axis=-1).reshape(
+        -1, 3
+    )
     exact = _core.clearance(still.native, poses, 0.0, np.empty((0, 2)), limit_m).reshape(field.shape)
     assert_allclose(field, np.maximum(exact, 0.0), atol=1e-6)
 

@@ -1,6 +1,7 @@
 """How a differential drive moves: exact arcs, lag, limits, latency, gains and odometry."""
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,8 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from adrl import _core
-from adrl.types import Array
-
+from adrl.types import Array, World
 from core import twins
 from core.arenas import mirrored, poses
 from core.fleet import EMPTY, WALLED, Fleet, a_robot, a_task
@@ -31,7 +31,7 @@ def assert_same_pose(one: Array, other: object, tolerance: float = 1e-9) -> None
     assert_allclose(np.sin(0.5 * difference[..., 2]), 0.0, atol=tolerance)
 
 
-# --- exact arcs -----------------------------------------------------------------------------------------------
+# --- exact arcs ---------------------------------------------------------------------------------
 
 
 @given(poses, speeds, st.one_of(st.just(0.0), speeds.filter(lambda w: abs(w) > 1e-3)), periods)
@@ -57,7 +57,9 @@ def test_a_small_turn_meets_the_straight_line(pose: Pose, v: float, w: float, dt
 @given(poses, speeds, speeds, periods)
 def test_mirrored_turn_mirrored_arc(pose: Pose, v: float, w: float, dt_s: float):
     flip = np.array([1.0, -1.0, -1.0])
-    assert_same_pose(integrate((pose[0], -pose[1], -pose[2]), v, -w, dt_s), integrate(pose, v, w, dt_s) * flip)
+    assert_same_pose(
+        integrate((pose[0], -pose[1], -pose[2]), v, -w, dt_s), integrate(pose, v, w, dt_s) * flip
+    )
 
 
 @given(poses, speeds, speeds, periods)
@@ -69,17 +71,21 @@ def test_poses_and_twists_must_match():
     with pytest.raises(ValueError, match="length"):
         _core.integrate(np.zeros((2, 3)), np.zeros((3, 2)), 0.1)
     with pytest.raises(TypeError):
-        _core.integrate(np.zeros((2, 3)), np.zeros((2, 2), np.float32), 0.1)
+        _core.integrate(np.zeros((2, 3)), np.zeros((2, 2), np.float32), 0.1)  # pyright: ignore[reportArgumentType]
 
 
-# --- the base, through BatchSim -------------------------------------------------------------------------------
+# --- the base, through BatchSim -----------------------------------------------------------------
 
 
-def twin_run(start: Pose, commands: Array, dt_s: float, *, odometry: bool = False, **p: float) -> tuple[Array, Array]:
-    """(T, 3) poses and (T, 2) twists in the open: what is due, then lag and limits, then the arc of the mean twist."""
+def twin_run(
+    start: Pose, commands: Array, dt_s: float, *, odometry: bool = False, **p: float
+) -> tuple[Array, Array]:
+    """(T, 3) poses, (T, 2) twists in the open: what is due, then lag and limits, then the arc."""
     pose, twist, history = start, (0.0, 0.0), [(0.0, 0.0)] * 9
     rows, twists = [], []
-    errors = (p.get("odometry_speed_error", 0.0), p.get("odometry_yaw_error", 0.0)) if odometry else (0.0, 0.0)
+    errors = (
+        (p.get("odometry_speed_error", 0.0), p.get("odometry_yaw_error", 0.0)) if odometry else (0.0, 0.0)
+    )
     lag, acceleration = p.get("lag_s", 0.0), (p.get("acceleration", 1e6), p.get("yaw_acceleration", 1e6))
     gain = (p.get("speed_gain", 1.0), p.get("yaw_gain", 1.0))
     whole, part = divmod(p.get("latency_s", 0.0) / dt_s, 1.0)
@@ -98,7 +104,7 @@ def twin_run(start: Pose, commands: Array, dt_s: float, *, odometry: bool = Fals
     return np.array(rows), np.array(twists)
 
 
-def run(commands: Array, start: Pose = (0.0, 0.0, 0.0), world=EMPTY, **p: float) -> dict[str, Array]:
+def run(commands: Array, start: Pose = (0.0, 0.0, 0.0), world: World = EMPTY, **p: Any) -> dict[str, Array]:
     """(T, ...) history of every float64 buffer of one robot of 3 m/s."""
     fleet = Fleet([a_task(world, start=start)], a_robot(), **p).reset()
     rows = [fleet.step(command).snapshot() for command in commands]
@@ -164,8 +170,12 @@ def test_lag_answers_exponentially(lag_s: float, v: float, w: float):
 
 
 @given(st.floats(0.1, 5.0), st.floats(0.1, 5.0), st.integers(0, 2**32 - 1), st.floats(0.0, 0.2))
-def test_no_twist_changes_faster_than_the_limits(acceleration: float, yaw_acceleration: float, seed: int, lag_s: float):
-    got = run(some_commands(seed), acceleration=acceleration, yaw_acceleration=yaw_acceleration, lag_s=lag_s)["twist"]
+def test_no_twist_changes_faster_than_the_limits(
+    acceleration: float, yaw_acceleration: float, seed: int, lag_s: float
+):
+    got = run(some_commands(seed), acceleration=acceleration, yaw_acceleration=yaw_acceleration, lag_s=lag_s)[
+        "twist"
+    ]
     change = np.abs(np.diff(np.vstack([[0.0, 0.0], got]), axis=0))
     assert np.all(change <= np.array([acceleration, yaw_acceleration]) * 0.1 * (1.0 + 1e-9))
 

@@ -11,9 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from adrl import _core
 from adrl.types import Array, OccupancyGrid, World
-
 from core import twins
-from core.arenas import BOUNDS, box, coordinates, grids, polygons, poses, random_world, worlds
+from core.arenas import BOUNDS, box, coordinates, grids, polygons, poses, random_world, turn_of, worlds
 from core.arenas import circles as circle_rows
 from core.arenas import discs as disc_rows
 from core.arenas import segments as segment_rows
@@ -22,24 +21,30 @@ from core.twins import Pose
 RANGE_M = 6.0
 TOLERANCE_M = 3e-6
 """Ranges are single precision numbers of up to 6 m."""
-BEAMS = np.arange(16) * (2.0 * math.pi / 16)
+BEAMS = turn_of(16)
 times = st.floats(0.0, 20.0)
 
 
-def scan(world: World, pose: Pose, angles: Array = BEAMS, time_s: float = 0.0, max_range_m: float = RANGE_M) -> Array:
+def scan(
+    world: World, pose: Pose, angles: Array = BEAMS, time_s: float = 0.0, max_range_m: float = RANGE_M
+) -> Array:
     """(K,) ranges of the kernel."""
     return _core.raycast(world.native, np.array([pose]), angles, max_range_m, time_s)[0].astype(np.float64)
 
 
 def assert_scan_is_the_twins(world: World, pose: Pose, angles: Array = BEAMS, time_s: float = 0.0) -> None:
-    """A beam that grazes an edge may go either way: then it must agree with its neighbours to the left or right."""
+    """A beam that grazes an edge may go either way: then it agrees with a neighbour."""
     ranges = scan(world, pose, angles, time_s)
     for beam, measured in zip(angles, ranges, strict=True):
         expected = twins.ray(world, pose[:2], pose[2] + beam, RANGE_M, time_s)
         if abs(measured - expected) > TOLERANCE_M:
-            near = [twins.ray(world, pose[:2], pose[2] + beam + nudge, RANGE_M, time_s) for nudge in (-1e-8, 1e-8)]
+            near = [
+                twins.ray(world, pose[:2], pose[2] + beam + nudge, RANGE_M, time_s) for nudge in (-1e-8, 1e-8)
+            ]
             low, high = min(expected, *near), max(expected, *near)
-            assert low - 1e-4 <= measured <= high + 1e-4, f"beam {beam}: {measured}, twin {expected}, near {near}"
+            assert low - 1e-4 <= measured <= high + 1e-4, (
+                f"beam {beam}: {measured}, twin {expected}, near {near}"
+            )
 
 
 def assume_clear_of_edges(world: World, pose: Pose, time_s: float = 0.0) -> None:
@@ -112,7 +117,9 @@ def test_a_wall_at_three_metres_by_hand():
     world = World(bounds=BOUNDS, segments=np.array([[3.0, -9.0, 3.0, 9.0]]))
     angles = np.array([0.0, math.pi / 3, -math.pi / 3, math.pi / 2, math.pi])
     assert_allclose(scan(world, (0.0, 0.0, 0.0), angles), [3.0, 6.0, 6.0, 6.0, 6.0], rtol=1e-6)
-    assert_allclose(scan(world, (0.0, 0.0, 0.0), angles, max_range_m=8.0)[:4], [3.0, 6.0, 6.0, 8.0], rtol=1e-6)
+    assert_allclose(
+        scan(world, (0.0, 0.0, 0.0), angles, max_range_m=8.0)[:4], [3.0, 6.0, 6.0, 8.0], rtol=1e-6
+    )
     assert_allclose(scan(world, (5.0, 0.0, math.pi), angles[:2]), [2.0, 4.0], rtol=1e-6)
 
 
@@ -122,12 +129,17 @@ def test_a_wall_at_three_metres_by_hand():
         World(bounds=BOUNDS, circles=np.array([[0.2, 0.1, 0.5]])),
         World(bounds=BOUNDS, polygons=(box(0.2, 0.1, 0.5, 0.5, 0.3),)),
         World(bounds=BOUNDS, discs=np.array([[0.2, 0.1, 2.0, 2.0, 0.5, 0.0, 0.0, 0.0]])),
-        World(bounds=BOUNDS, grid=OccupancyGrid(solid=np.ones((9, 9), np.uint8), resolution_m=0.1, origin=(-0.4, -0.4, 0))),
+        World(
+            bounds=BOUNDS,
+            grid=OccupancyGrid(solid=np.ones((9, 9), np.uint8), resolution_m=0.1, origin=(-0.4, -0.4, 0)),
+        ),
     ],
     ids=["circle", "polygon", "disc", "bitmap"],
 )
 def test_a_sensor_inside_an_obstacle_reads_zero(world: World):
-    around = replace(world, segments=np.array([[-1.0, -1.0, 1.0, -1.0]]), circles=np.vstack([[2, 2, 1], world.circles]))
+    around = replace(
+        world, segments=np.array([[-1.0, -1.0, 1.0, -1.0]]), circles=np.vstack([[2, 2, 1], world.circles])
+    )
     assert_array_equal(scan(around, (0.0, 0.0, 0.0)), 0.0)
     assert_array_equal(scan(around, (0.0, 0.0, 0.0), np.array([0.3])), 0.0)
 
@@ -139,7 +151,10 @@ def test_every_pose_and_beam_is_alone(world: World, sensors: list[Pose], count: 
     assert together.shape == (len(sensors), count)
     assert together.dtype == np.float32
     for row, pose in zip(together, sensors, strict=True):
-        alone = [_core.raycast(world.native, np.array([pose]), angles[k : k + 1], RANGE_M)[0, 0] for k in range(count)]
+        alone = [
+            _core.raycast(world.native, np.array([pose]), angles[k : k + 1], RANGE_M)[0, 0]
+            for k in range(count)
+        ]
         assert_array_equal(row, np.array(alone, dtype=np.float32))
 
 

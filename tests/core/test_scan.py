@@ -1,7 +1,8 @@
-"""The LiDAR in BatchSim: evenly spread beams give the bytes of the general kernel; noise and dropouts keep their law."""
+"""The LiDAR in BatchSim: even beams give the bytes of any beams; noise and dropouts keep their law."""
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from adrl import _core
 from adrl.types import Array, LidarConfig, World
-
 from core import twins
 from core.arenas import BOUNDS, poses, worlds
 from core.fleet import EMPTY, WALLED, Fleet, a_robot, a_task
@@ -49,7 +49,9 @@ def test_even_beams_give_the_bytes_of_any_beams(world: World, pose: Pose, beams:
 
 
 @given(worlds(), poses, st.integers(2, 40), st.floats(-20.0, 20.0), st.floats(-0.3, 0.3))
-def test_even_beams_from_any_first_angle(world: World, pose: Pose, beams: int, first: float, increment: float):
+def test_even_beams_from_any_first_angle(
+    world: World, pose: Pose, beams: int, first: float, increment: float
+):
     """As drivers give them: from 0 to 2 pi, clockwise, all in one direction, or more than a turn."""
     robot = _core.Robot(
         0.2, np.empty((0, 2)), (1.0, 0.0, 1.0), beams, first, increment, (0.0, 0.0, 0.0), RANGE_M, 0.1
@@ -58,12 +60,16 @@ def test_even_beams_from_any_first_angle(world: World, pose: Pose, beams: int, f
     sim = _core.BatchSim(1, 1, robot, _core.SimConfig(), fleet.b)
     sim.set_task(0, a_task(world, start=pose).native)
     sim.reset(np.ones(1, dtype=np.uint8))
-    angles = first + increment * np.arange(beams)
-    assert_equal_bytes(fleet.b["ranges"][0], _core.raycast(world.native, np.array([pose]), angles, RANGE_M)[0])
+    angles = first + increment * np.arange(beams, dtype=np.float64)
+    assert_equal_bytes(
+        fleet.b["ranges"][0], _core.raycast(world.native, np.array([pose]), angles, RANGE_M)[0]
+    )
 
 
 @given(worlds(), poses, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-4.0, 4.0), st.floats(0.5, 6.0))
-def test_the_mount_is_a_pose_on_the_robot(world: World, pose: Pose, x: float, y: float, yaw: float, range_m: float):
+def test_the_mount_is_a_pose_on_the_robot(
+    world: World, pose: Pose, x: float, y: float, yaw: float, range_m: float
+):
     lidar = LidarConfig(
         num_beams=24, fov_rad=2.5, mount_x_m=x, mount_y_m=y, mount_yaw_rad=yaw, max_range_m=range_m
     )
@@ -87,12 +93,12 @@ def test_one_beam_looks_straight_ahead_and_a_fan_is_centred():
     assert_allclose(circle, [6.0, 6.0, 2.0, 6.0], rtol=1e-6)
 
 
-# --- noise ----------------------------------------------------------------------------------------------------
+# --- noise --------------------------------------------------------------------------------------
 
 N, K, STEPS = 60, 180, 12
 
 
-def noisy(**p: float) -> tuple[Array, Array]:
+def noisy(**p: Any) -> tuple[Array, Array]:
     """(STEPS, N, K) readings of robots that stand in a closed room, and the (K,) exact ones."""
     lidar = LidarConfig(num_beams=K, max_range_m=RANGE_M)
     room = replace(WALLED, discs=np.empty((0, 8)))
@@ -153,7 +159,7 @@ def test_the_seed_is_the_noise():
 
 
 def test_noise_never_leaves_the_sensors_range():
-    """Nothing there reads the greatest range exactly; something just before it is cut off at it, at 0 likewise."""
+    """Nothing there reads the greatest range exactly; a wall just before it is cut off."""
     far = replace(EMPTY, segments=np.array([[5.99, -9.0, 5.99, 9.0], [-0.01, -9.0, -0.01, 9.0]]))
     lidar = LidarConfig(num_beams=4, max_range_m=RANGE_M)
     robot = a_robot(lidar=lidar, radius_m=0.001)

@@ -1,5 +1,8 @@
-"""Slow, obvious Python twins of the kernels in the core. What the LiDAR sees and what a footprint hits come from
-one list of shapes: circles, and convex polygons (a segment is a polygon of two corners, a solid cell one of four)."""
+"""Slow, obvious Python twins of the core's kernels.
+
+What the LiDAR sees and what a footprint hits come from one list of shapes: circles, and convex polygons, of
+which a segment is one of two corners and a solid cell one of four.
+"""
 
 import heapq
 import math
@@ -19,7 +22,7 @@ Cell = tuple[int, int]
 DIAGONAL = math.sqrt(2.0)
 
 
-# --- geometry -------------------------------------------------------------------------------------------------
+# --- geometry -----------------------------------------------------------------------------------
 
 
 def _cross(a: Point, b: Point) -> float:
@@ -67,7 +70,9 @@ def shapes(world: World, time_s: float = 0.0) -> tuple[list[Circle], list[Corner
     polygons: list[Corners] = [[(float(x), float(y)) for x, y in polygon] for polygon in world.polygons]
     polygons += [[(float(x1), float(y1)), (float(x2), float(y2))] for x1, y1, x2, y2 in world.segments]
     if world.grid is not None:
-        polygons += [cell_corners(world.grid, int(row), int(column)) for row, column in np.argwhere(world.grid.solid)]
+        polygons += [
+            cell_corners(world.grid, int(row), int(column)) for row, column in np.argwhere(world.grid.solid)
+        ]
     return circles, polygons
 
 
@@ -76,7 +81,7 @@ def inside(corners: Corners, p: Point) -> bool:
     return len(corners) > 2 and all(_cross(_minus(b, a), _minus(p, a)) >= 0.0 for a, b in edges(corners))
 
 
-# --- ray casting ----------------------------------------------------------------------------------------------
+# --- ray casting --------------------------------------------------------------------------------
 
 
 def ray_circle(origin: Point, direction: Point, circle: Circle) -> float:
@@ -114,7 +119,7 @@ def ray(world: World, origin: Point, angle_rad: float, max_range_m: float, time_
     return min(hits)
 
 
-# --- clearance ------------------------------------------------------------------------------------------------
+# --- clearance ----------------------------------------------------------------------------------
 
 
 def point_to_segment(p: Point, a: Point, b: Point) -> float:
@@ -156,7 +161,7 @@ def polygon_to_polygon(one: Corners, other: Corners) -> float:
 def clearance(
     world: World, pose: Pose, radius_m: float, footprint: Array, limit_m: float, time_s: float = 0.0
 ) -> float:
-    """Distance from the footprint's edge to the nearest obstacle, at most limit_m; 0 or less when they overlap."""
+    """Distance from the footprint's edge to the nearest obstacle, at most limit_m; 0 or less in overlap."""
     circles, polygons = shapes(world, time_s)
     gaps = [limit_m]
     if len(footprint) == 0:
@@ -171,7 +176,7 @@ def clearance(
 
 
 def distance_field(solid: NDArray[np.uint8]) -> Array:
-    """(H, W) -> (H, W) cells from each centre to the nearest solid cell's centre, by looking at all of them."""
+    """(H, W) -> (H, W) cells from each centre to the nearest solid cell's centre: looks at all of them."""
     rows, columns = np.indices(solid.shape)
     least = np.full(solid.shape, np.inf)
     for row, column in np.argwhere(solid):
@@ -179,7 +184,7 @@ def distance_field(solid: NDArray[np.uint8]) -> Array:
     return least
 
 
-# --- planning -------------------------------------------------------------------------------------------------
+# --- planning -----------------------------------------------------------------------------------
 
 
 def moves(blocked: NDArray[np.uint8], cell: Cell) -> Iterator[tuple[Cell, float]]:
@@ -215,7 +220,7 @@ def dijkstra(blocked: NDArray[np.uint8], start: Cell) -> dict[Cell, float]:
     return done
 
 
-# --- motion ---------------------------------------------------------------------------------------------------
+# --- motion -------------------------------------------------------------------------------------
 
 
 def wrapped(angle: float) -> float:
