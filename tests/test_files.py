@@ -8,8 +8,6 @@ import subprocess
 import sys
 import time
 
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -122,9 +120,3 @@ def test_json_keeps_its_order_and_refuses_nan(tmp_path):
         with pytest.raises(ValueError, match="JSON"):
             files.write_json(path, {"a": number})
     assert path.read_bytes() == before
-
-
-def test_parquet_gives_the_table_back(tmp_path):
-    table = pa.table({"a": [1, 2], "b": [0.5, None]})
-    files.write_parquet(tmp_path / "t.parquet", table)
-    assert pq.read_table(tmp_path / "t.parquet").equals(table)

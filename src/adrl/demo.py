@@ -15,13 +15,16 @@ from adrl.report.figures import RoutePanel, learning_curve, routes
 RUN = Path("runs/demo")
 ROUTES = 6
 SECONDS = 60.0
+EVALUATE_EVERY = 32_000
+"""Environment steps between validations: enough points for a curve, little of the minute spent on it."""
 
 
 def main() -> int:
     """Train, evaluate, compare, draw. The only argument, if any, is the time to train in seconds."""
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS
     shutil.rmtree(RUN, ignore_errors=True)
-    train.main(["--scenario", "clutter", "--max-seconds", str(seconds), "--out", str(RUN)])
+    budget = ["--max-seconds", str(seconds), "--eval-interval-steps", str(EVALUATE_EVERY)]
+    train.main(["--scenario", "clutter", *budget, "--out", str(RUN)])
     results = {
         "ADRL": api.evaluate(RUN, record=ROUTES, out=RUN / "evaluation"),
         "A*+DWA": api.evaluate(api.PLANNER, record=ROUTES, out=RUN / "astar-dwa"),

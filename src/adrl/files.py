@@ -5,11 +5,8 @@ import os
 import stat
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from uuid import uuid4
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 
 def atomic_write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
@@ -52,16 +49,6 @@ def to_json(content: Mapping[str, Any]) -> str:
 def write_json(path: str | os.PathLike[str], content: Mapping[str, Any]) -> None:
     """Write to_json(content)."""
     atomic_write_text(path, to_json(content) + "\n")
-
-
-def write_parquet(path: str | os.PathLike[str], table: "pa.Table") -> None:
-    """Write an Arrow table as Parquet."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    sink = pa.BufferOutputStream()
-    pq.write_table(table, sink)
-    atomic_write_bytes(path, sink.getvalue().to_pybytes())
 
 
 def _is_special(path: str | os.PathLike[str]) -> bool:

@@ -62,9 +62,7 @@ class RunConfig(Place):
     randomize: bool = True
     """Vary robots and sensors mildly from episode to episode."""
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
-    learner: Annotated[TrainConfig, tyro.conf.arg(name="")] = field(
-        default_factory=lambda: TrainConfig(max_seconds=60.0)
-    )
+    learner: Annotated[TrainConfig, tyro.conf.arg(name="")] = field(default_factory=TrainConfig)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -89,6 +87,8 @@ def train(
     holds is not touched unless resume is asked for.
     """
     start_time_s = time.monotonic() if start_time_s is None else start_time_s
+    if config.learner.steps is None and config.learner.max_seconds is None:
+        raise ConfigError("a run needs an end; give --steps (environment steps) or --max-seconds (wall clock)")
     scenario, robot = config.load(), load_robot(config.robot)
     learner = with_horizon_of(method_config(config.method, config.learner), robot)
     out = run_folder(config, scenario)

@@ -9,6 +9,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 import resume_run
+from adrl.agents.config import TrainConfig
 from adrl.agents.metrics import EpisodeTally, MetricsLog, reward_row
 from adrl.errors import CheckpointError, ConfigError
 from adrl.rewards import REWARD_TERMS, RewardConfig, weights
@@ -71,15 +72,19 @@ def test_a_run_reports_every_key(tmp_path: Path):
 
 
 def test_a_budget_of_time_ends_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    config = resume_run.config(10**9)
-    monkeypatch.setattr(
-        resume_run, "config", lambda steps: type(config)(max_seconds=0.5, td3=config.td3, pretrain_updates=0)
-    )
+    td3 = resume_run.config(1).td3
+    timed = TrainConfig(max_seconds=0.5, td3=td3, pretrain_updates=0, replay_capacity=1000)
+    monkeypatch.setattr(resume_run, "config", lambda steps: timed)
     result = resume_run.run(tmp_path, 0)
     assert 0.5 <= result.train_seconds < 30.0
     assert (tmp_path / "policy.safetensors").exists()
+
+
+def test_a_run_without_an_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(resume_run, "config", lambda steps: TrainConfig())
     with pytest.raises(ConfigError, match="steps or max_seconds"):
-        type(config)()
+        resume_run.run(tmp_path, 0)
+    assert not list(tmp_path.iterdir())
 
 
 def test_tally_means_finished_episodes():

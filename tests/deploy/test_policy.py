@@ -64,9 +64,10 @@ def test_it_agrees_with_the_actor_that_was_trained():
     learner = Learner(config, 4, 48, None, None, np.random.default_rng(0))
     learner.state = learner.state._replace(actor=learner.state.actor * 5.0)
     learner._actor = learner.state.actor
+    config_of_policy = PolicyConfig(input_size=48, widths=config.td3.widths)
     observation = np.random.default_rng(1).normal(size=(200, 48)).astype(np.float32)
     trained = actor(learner.state.actor, observation, actor_sizes(48, config.td3.widths))  # pyright: ignore
-    deployed = learner.policy(PolicyConfig(input_size=48, widths=config.td3.widths)).act(observation)
+    deployed = learner.policy(config_of_policy, averaged=False).act(observation)
     assert np.abs(deployed).max() > 0.1
     assert_allclose(deployed, trained, atol=1e-5)
 

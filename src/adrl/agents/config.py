@@ -26,8 +26,8 @@ class Td3Config:
     critic_layer_norm: bool = True
     """Normalise each hidden layer of the critics: keeps values bounded at actions nobody took."""
     gamma: float = 0.98
-    """Discount a reference period (adrl.rewards): 0.1 s, longer for slow robots. A run takes the power of it that its
-    robot's control period calls for."""
+    """Discount a reference period (adrl.rewards): 0.1 s, longer for slow robots. A run takes the power of it
+    that its robot's control period calls for."""
     n_step: int = 3
     """Steps of reward before the target bootstraps."""
     batch_size: int = 256
@@ -39,8 +39,8 @@ class Td3Config:
     polyak: float = 0.01
     """Share of the new weights a target network takes over at each actor update."""
     actor_average: float = 0.0025
-    """Share of the new actor that the averaged one takes over at each actor update. The average is what is evaluated
-    and saved: single actors of a run differ by many points of success, their average does not."""
+    """Share of the new actor that the averaged one takes over at each actor update. The average is what is
+    evaluated and saved: single actors of a run differ by many points of success, their average does not."""
     policy_delay: int = 2
     """Critic updates an actor update."""
     target_noise_std: float = 0.2
@@ -96,8 +96,6 @@ class TrainConfig:
     reward: RewardConfig = field(default_factory=RewardConfig)
 
     def __post_init__(self) -> None:
-        if self.steps is None and self.max_seconds is None:
-            raise ConfigError("TrainConfig: give steps or max_seconds, or the run never ends")
         for name in ("steps", "max_seconds", "eval_interval_steps", "checkpoint_interval_steps"):
             if getattr(self, name) is not None:
                 _check(self, 1e-9 if name == "max_seconds" else 1, math.inf, name)

@@ -54,6 +54,8 @@ def train(
     start_time_s: of time.monotonic(); wall clock and max_seconds count from it. resume: from the newest
     checkpoint, or from the start if there is none. Raises ConfigError, CheckpointError, DatasetError.
     """
+    if config.steps is None and config.max_seconds is None:
+        raise ConfigError("the run would never end; give steps or max_seconds")
     run = _Run(config, env, out, policy_config, demonstrations, probe, start_time_s)
     run.evaluate, run.on_progress = evaluate, on_progress
     run.begin(resume)

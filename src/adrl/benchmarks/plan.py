@@ -1,5 +1,6 @@
 """How long planning takes: distance field and A* on a map, and A*+DWA decisions a second."""
 
+import functools
 import statistics
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,7 @@ import numpy as np
 from adrl import _core
 from adrl.benchmarks.timing import median_seconds, rate_per_second
 from adrl.envs import NavSim
-from adrl.types import RobotConfig
+from adrl.types import OccupancyGrid, RobotConfig, Task
 from adrl.worlds import get_scenario, load_map, task_set
 from adrl.worlds.map_scenario import MapScenario
 
@@ -49,9 +50,7 @@ def bench_map(path: Path, *, rounds: int = 3) -> dict[str, Any]:
     assert grid is not None
     robot = RobotConfig()
     tasks = task_set(MapScenario(path), robot, "validation", QUERIES)
-    durations = [
-        median_seconds(lambda task=task: _plan(grid.solid, grid, robot, task), rounds) for task in tasks
-    ]
+    durations = [median_seconds(functools.partial(_plan, grid, robot, task), rounds) for task in tasks]
     return {
         "schema_version": 1,
         "map": path.name,
@@ -62,8 +61,8 @@ def bench_map(path: Path, *, rounds: int = 3) -> dict[str, Any]:
     }
 
 
-def _plan(solid: Any, grid: Any, robot: RobotConfig, task: Any) -> None:
-    blocked = (_core.distance_field(solid, grid.resolution_m) <= robot.circumscribed_radius_m).astype(np.uint8)
+def _plan(grid: OccupancyGrid, robot: RobotConfig, task: Task) -> None:
+    blocked = (_core.distance_field(grid.solid, grid.resolution_m) <= robot.circumscribed_radius_m).astype(np.uint8)
     start, goal = (
         (int((y - grid.origin[1]) / grid.resolution_m), int((x - grid.origin[0]) / grid.resolution_m))
         for x, y in (task.start[:2], task.goal)

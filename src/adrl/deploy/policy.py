@@ -57,8 +57,8 @@ class MlpPolicy:
         """layers: (weight (in, out), bias (out,)) from input to output."""
         self.layers = list(layers)
         self.config = config
-        # OpenBLAS wakes its threads for larger products. On a busy machine they wait for each other: 64 rows took
-        # 8 ms on average instead of 0.16 ms.
+        # OpenBLAS wakes its threads for larger products. On a busy machine they wait for each other: 64 rows
+        # took 8 ms on average instead of 0.16 ms.
         self._block = max(1, 2**18 // max(weight.size for weight, _ in self.layers))
 
     def act(self, observation: F32) -> F32:

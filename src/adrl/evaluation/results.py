@@ -78,7 +78,12 @@ def compare_paired(first: Episodes, second: Episodes) -> dict[str, Interval]:
 
 def write_episodes(path: str | os.PathLike[str], episodes: Episodes) -> None:
     """Write one row an episode as Parquet, atomically."""
-    files.write_parquet(path, episodes.to_table())
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    sink = pa.BufferOutputStream()
+    pq.write_table(episodes.to_table(), sink)
+    files.atomic_write_bytes(path, sink.getvalue().to_pybytes())
 
 
 def read_episodes(path: str | os.PathLike[str]) -> Episodes:

@@ -21,8 +21,8 @@ HEADING_DECAY = 2.0  # eq 10, 1/rad
 def reference_period_s(max_speed_mps: float) -> float:
     """The step the paper's numbers and the discount are for: 0.1 s, or longer for a robot that is slow.
 
-    50 of them, the horizon of gamma = 0.98, are 5 s and at least 3 m of driving: enough to get round an obstacle.
-    Robots with other control periods are paid, and discounted, in proportion.
+    50 of them, the horizon of gamma = 0.98, are 5 s and at least 3 m of driving: enough to get round an
+    obstacle. Robots with other control periods are paid, and discounted, in proportion.
     """
     return max(0.1, 0.06 / max_speed_mps)
 
