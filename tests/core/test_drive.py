@@ -110,9 +110,9 @@ def test_a_corner_that_sweeps_round_hits_what_a_disc_would_turn_past(w: float):
     for _ in range(20):
         turning.step()
     assert turning.b["collided"][0] == 1
-    # The side 0.2 m off meets the outer end, 0.34 m off, at this heading.
-    first_touch = 0.5 * math.pi - math.asin(0.2 / 0.34)
-    assert_allclose(turning.b["pose"][0, 2], math.copysign(first_touch, w), atol=CONTACT_M / 0.27)
+    # The side, 0.2 m off, meets the inner end, 0.33 m off, at this heading.
+    first_touch = 0.5 * math.pi - math.asin(0.2 / 0.33)
+    assert_allclose(turning.b["pose"][0, 2], math.copysign(first_touch, w), atol=CONTACT_M / 0.26)
     disc = launched(world, (0.0, 0.0, 0.0), a_robot(radius_m=0.32), 0.0, w)
     for _ in range(20):
         disc.step()

@@ -42,7 +42,7 @@ class Episodes:
     time_s: Array
     """(E,) simulated time from start to end."""
     shortest_m: Array
-    """(E,) length of the shortest feasible path of the inflated footprint: Task.shortest_m."""
+    """(E,) length of the shortest feasible path of the inflated footprint into the goal's disc, where episodes end."""
     least_clearance_m: Array
     """(E,) smallest distance between footprint and obstacle on the way; 0 or less after a collision."""
     mean_speed_mps: Array
@@ -130,8 +130,7 @@ def smoothness_radps2(yaw_rate_radps: Array, dt_s: float) -> float:
 def optimality_ratios(episodes: Episodes) -> Array:
     """(successes,) path driven / shortest path. Left out: a start at the goal, where there is no ratio.
 
-    Below 1 where the robot stops within the goal's tolerance, or cuts a corner closer than the planner's
-    margin.
+    Below 1 where the robot cuts a corner closer than the planner's margin.
     """
     rows = episodes.success & (episodes.shortest_m > 0.0)
     return episodes.distance_m[rows] / episodes.shortest_m[rows]

@@ -124,10 +124,11 @@ def _drive(
         "timeout": ending[2],
         "distance_m": distance,
         "time_s": time_s,
-        "shortest_m": np.array([task.shortest_m for task in tasks]),
+        # An episode ends at the rim of the goal's disc, and so does the path it is measured against.
+        "shortest_m": np.array([max(task.shortest_m - task.goal_tolerance_m, 0.0) for task in tasks]),
         "least_clearance_m": least_clearance,
         "mean_speed_mps": distance / np.maximum(time_s, 1e-9),
-        "smoothness": turned / np.maximum(steps - 1.0, 1.0) / sim.robot.control_period_s,
+        "smoothness": turned / np.maximum(steps, 1.0) / sim.robot.control_period_s,
         "start_xy_m": np.array([task.start[:2] for task in tasks]),
         "goal_xy_m": np.array([task.goal for task in tasks]),
         "final_pose": sim.b["pose"].copy(),

@@ -1,0 +1,97 @@
+"""Laws of the rollout: what an evaluation measures, and what its seed may change."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from adrl.baselines.planner import AStarDwaPolicy
+from adrl.errors import TaskError
+from adrl.evaluation.metrics import success_rate
+from adrl.evaluation.rollout import rollout
+from adrl.types import RobotConfig, Task, World
+from adrl.worlds import get_scenario, single_task, task_set
+from adrl.worlds.shapes import enclosure
+
+ROBOT = RobotConfig()
+ROOM = (0.0, 0.0, 8.0, 8.0)
+
+
+class Forward:
+    """Full speed ahead."""
+
+    def act(self, observation):
+        return np.tile(np.float32([1.0, 0.0]), (len(observation), 1))
+
+
+class Still:
+    """Stands."""
+
+    def act(self, observation):
+        return np.tile(np.float32([-1.0, 0.0]), (len(observation), 1))
+
+
+@pytest.fixture(scope="module")
+def tasks() -> list[Task]:
+    return task_set(get_scenario("clutter"), ROBOT, "validation", 24)
+
+
+def straight(goal_x: float, **world) -> Task:
+    room = World(bounds=ROOM, segments=enclosure(ROOM), **world)
+    return single_task(room, (1.0, 4.0, 0.0), (goal_x, 4.0), ROBOT)
+
+
+def test_a_straight_drive_is_measured_by_hand():
+    episodes = rollout(Forward(), [straight(5.0)], ROBOT).episodes
+    assert episodes.success[0]
+    # From 1.0 to the rim of the disc of 0.3 m about 5.0; a step of 0.06 m may end inside it.
+    assert 3.7 <= episodes.distance_m[0] <= 3.76
+    # The path runs through the centres of the cells of start and goal: up to a cell longer at each end.
+    assert episodes.shortest_m[0] == pytest.approx(3.7, abs=0.1)
+    assert episodes.time_s[0] == pytest.approx(episodes.distance_m[0] / 0.6, abs=0.3)
+    assert episodes.mean_speed_mps[0] == pytest.approx(episodes.distance_m[0] / episodes.time_s[0])
+    assert episodes.smoothness[0] == 0.0
+    assert episodes.least_clearance_m[0] > 0.9
+
+
+def test_driving_into_a_wall_and_standing_end_as_they_should():
+    behind = straight(7.0, circles=np.array([[4.0, 3.7, 0.5]]))
+    hit = rollout(Forward(), [behind], ROBOT).episodes
+    assert hit.collision[0] and hit.least_clearance_m[0] <= 0.0
+    assert hit.distance_m[0] == pytest.approx(4.0 - 1.0 - math.sqrt(0.7**2 - 0.3**2), abs=2e-3)
+    stood = rollout(Still(), [straight(5.0)], ROBOT).episodes
+    assert stood.timeout[0] and stood.distance_m[0] == 0.0
+    assert stood.time_s[0] == pytest.approx(straight(5.0).time_limit_s, abs=0.1)
+
+
+def test_the_planner_reaches_its_goals(tasks):
+    result = rollout(AStarDwaPolicy(), tasks, ROBOT, guidance="map", record=5)
+    assert success_rate(result.episodes) == 1.0
+    assert [len(route) for route in result.routes] == [
+        round(time_s / 0.1) + 1 for time_s in result.episodes.time_s[:5]
+    ]
+    for task, route in zip(tasks, result.routes, strict=False):
+        np.testing.assert_allclose(route[0], task.start[:2])
+        assert math.dist(route[-1], task.goal) < task.goal_tolerance_m
+
+
+def test_an_evaluation_repeats_and_its_seed_changes_noise_only(tasks):
+    def run(seed: int, threads: int = 1):
+        return rollout(AStarDwaPolicy(), tasks, ROBOT, guidance="map", seed=seed, num_threads=threads).episodes
+
+    first, again, other = run(0), run(0, threads=3), run(1)
+    assert first.to_table().equals(again.to_table())
+    assert_array_equal(first.start_xy_m, other.start_xy_m)
+    assert_array_equal(first.goal_xy_m, other.goal_xy_m)
+
+
+def test_a_task_is_driven_the_same_alone_and_among_others(tasks):
+    together = rollout(AStarDwaPolicy(), tasks, ROBOT, guidance="map").episodes
+    alone = rollout(AStarDwaPolicy(), tasks[7:8], ROBOT, guidance="map", first_task=7).episodes
+    assert alone.to_table().equals(together.to_table().slice(7, 1))
+
+
+def test_no_tasks_is_an_error():
+    with pytest.raises(TaskError, match="no tasks"):
+        rollout(Still(), [], ROBOT)
