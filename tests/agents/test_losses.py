@@ -172,6 +172,16 @@ def test_the_returned_actor_survives_the_next_update():
     assert_array_equal(actor, before)
 
 
+def test_the_averaged_actor_is_the_mean_of_the_first_actors():
+    update, state = make_update(SHAPE), fresh()
+    actors = []
+    for seed in range(6):
+        state, actor, _ = update(state, random_batch(seed, (1, 2)), None, PLAIN)
+        actors.append(np.asarray(actor))
+    assert np.ptp(actors, axis=0).max() > 1e-3
+    assert_allclose(state.average_actor, np.mean(actors, axis=0), rtol=1e-4, atol=1e-6)
+
+
 @pytest.mark.parametrize("layer_norm", [True, False])
 def test_the_critic_descends_to_its_target(layer_norm: bool):
     shape = SHAPE._replace(td3=replace(CONFIG, critic_layer_norm=layer_norm))

@@ -52,7 +52,7 @@ def test_a_straight_drive_is_measured_by_hand():
     assert episodes.time_s[0] == pytest.approx(episodes.distance_m[0] / 0.6, abs=0.3)
     assert episodes.mean_speed_mps[0] == pytest.approx(episodes.distance_m[0] / episodes.time_s[0])
     assert episodes.smoothness[0] == 0.0
-    assert episodes.least_clearance_m[0] > 0.9
+    assert episodes.least_clearance_m[0] == pytest.approx(1.0 - 0.2)  # at the start, to the wall behind
 
 
 def test_driving_into_a_wall_and_standing_end_as_they_should():
