@@ -14,6 +14,8 @@ constexpr double kTwoPi = 2.0 * kPi;
 constexpr double kBracketSlack = 1e-4;
 // Two walls that share a corner must not let a beam slip between them by rounding.
 constexpr double kCornerSlack = 1e-12;
+// A beam within this angle of a segment's own direction passes it by: where it would hit is all rounding.
+constexpr double kParallel = 1e-9;
 // Obstacles are handled in chunks of this many, so that scratch space stays on the stack.
 constexpr int kChunk = 64;
 
@@ -214,14 +216,15 @@ ADRL_CLONES void cast_segment_jobs(const SegmentChunk &chunk, const Jobs &jobs, 
         const double ex = chunk.bx[jobs.obstacle[j]] - ax;
         const double ey = chunk.by[jobs.obstacle[j]] - ay;
         const double side = ax * ey - ay * ex;
+        const double parallel = kParallel * std::sqrt(ex * ex + ey * ey);
         for (int i = jobs.first[j]; i < jobs.last[j]; i += kLanes) {
             for (int k = 0; k < kLanes; ++k) {
                 const double across = dx[i + k] * ey - dy[i + k] * ex;
-                const double inverse = 1.0 / across; // infinite for a parallel beam: the comparisons below then fail
+                const double inverse = 1.0 / across;
                 const double hit = side * inverse;
                 const double u = (ax * dy[i + k] - ay * dx[i + k]) * inverse;
-                const bool nearer =
-                    (hit >= 0.0) & (u >= -kCornerSlack) & (u <= 1.0 + kCornerSlack) & (hit < ranges[i + k]);
+                const bool nearer = (std::abs(across) > parallel) & (hit >= 0.0) & (u >= -kCornerSlack) &
+                                    (u <= 1.0 + kCornerSlack) & (hit < ranges[i + k]);
                 ranges[i + k] = nearer ? hit : ranges[i + k];
             }
         }
@@ -354,11 +357,10 @@ void raycast(const World &world, const DiscPlaces &discs, const Pose &sensor, co
     const Frame frame(sensor);
     const Circles &circles = world.circles();
     std::fill(ranges, ranges + beams.padded(), max_range);
-    const bool outside =
-        !inside_polygon(world, {sensor.x, sensor.y}) &&
-        cast_circles(circles.x.data(), circles.y.data(), circles.radius.data(), circles.count, frame, beams, max_range,
-                     ranges) &&
-        cast_circles(discs.x, discs.y, discs.radius, discs.count, frame, beams, max_range, ranges);
+    const bool outside = !inside_polygon(world, {sensor.x, sensor.y}) &&
+                         cast_circles(circles.x.data(), circles.y.data(), circles.radius.data(), circles.count, frame,
+                                      beams, max_range, ranges) &&
+                         cast_circles(discs.x, discs.y, discs.radius, discs.count, frame, beams, max_range, ranges);
     if (!outside) {
         std::fill(ranges, ranges + beams.padded(), 0.0);
         return;

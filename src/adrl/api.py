@@ -74,6 +74,9 @@ def evaluate(
     """
     if episodes < 1:
         raise ConfigError(f"episodes is {episodes}; give 1 or more")
+    for name, value in (("seed", seed), ("num_threads", num_threads)):
+        if value < 0:
+            raise ConfigError(f"{name} is {value}; give 0 or more")
     if isinstance(policy, (str, Path)) and str(policy) != PLANNER:
         policy = load_policy(resolve_policy(policy))
     place = get_scenario(scenario)

@@ -23,9 +23,9 @@ class EncoderConfig:
     num_sectors: int = 36
     """Sectors of a full circle; each holds the nearest range of its beams."""
     near_m: float = 0.3
-    """Range at which the logarithmic scale turns: gaps of this size and below get most of the resolution."""
+    """Range in m at which the logarithmic scale turns: gaps of this size and below get most of the resolution."""
     goal_scale_m: float = 1.0
-    """Same for the distance to the goal."""
+    """Same for the distance to the goal, m."""
 
     def __post_init__(self) -> None:
         if not 4 <= self.num_sectors <= 2048:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import tyro
 
 from adrl import files
+from adrl.agents import checkpoint
 from adrl.agents.config import TrainConfig
 from adrl.agents.methods import METHODS, WITHOUT_DEMONSTRATIONS, method_config
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
@@ -94,6 +95,9 @@ def train(
     out = run_folder(config, scenario)
     if (out / "policy.safetensors").exists() and not config.resume:
         raise ConfigError(f"{out} holds a finished run; give another --out, or --resume to train it for longer")
+    resumed = checkpoint.exists(out)
+    if resumed and not config.resume:
+        raise ConfigError(f"{out} holds an unfinished run; give --resume to go on with it, or another --out")
     make_env = functools.partial(
         NavVectorEnv,
         scenario=scenario,
@@ -107,7 +111,8 @@ def train(
     demonstrations = None if config.method in WITHOUT_DEMONSTRATIONS else _demonstrations(config, env)
     probe = record_probe(make_env(PROBE_STARTS, randomize=False), seed=learner.seed) if demonstrations else None
     out.mkdir(parents=True, exist_ok=True)
-    files.write_json(out / "versions.json", versions())
+    if not resumed:
+        files.write_json(out / "versions.json", versions())
 
     from adrl.agents.train import train as learn
 

@@ -60,7 +60,6 @@ def test_pretraining_needs_no_online_data_and_clones_the_expert():
     while learner.pretraining:
         learner.update()
     assert learner.updates == learner.pretrain_updates == 600
-    assert learner.maturity == 0.0 or learner.maturity == CONFIG.default_maturity
     observation = resume_run.demonstrations().observation
     actions = learner.policy(POLICY, averaged=False).act(observation)
     np.testing.assert_allclose(actions, 0.5, atol=0.1)  # what Walk's expert does everywhere
@@ -100,7 +99,6 @@ def test_while_the_critic_warms_up_it_does_not_move_the_actor():
     for sign in (1.0, -1.0):
         learner = make(pretrain_updates=0, critic_warmup_updates=100)
         fill(learner, 40, 0)
-        # Only the last layers' signs differ: values flip, their size, which scales the loss, does not.
         learner.state = learner.state._replace(critics=sign * 50.0 * learner.state.critics)
         learner.update()
         moved.append(np.array(learner.state.actor))

@@ -76,6 +76,19 @@ def test_bitmaps_at_any_origin_and_yaw(grid: OccupancyGrid, pose: Pose, radius_m
     assert_is_the_twins(World(bounds=BOUNDS, grid=grid), pose, radius_m, footprint)
 
 
+@settings(max_examples=200)
+@given(st.integers(0, 39), st.integers(0, 39), poses, radii, footprints, st.floats(1e-6, 0.1))
+def test_a_lone_cell_is_found_up_to_its_very_distance(row, column, pose, radius_m, footprint, beyond_m):
+    """Far from everything the kernel looks no further than its distance field: that must not hide a cell."""
+    solid = np.zeros((40, 40), dtype=np.uint8)
+    solid[row, column] = 1
+    grid = OccupancyGrid(solid=solid, resolution_m=0.25, origin=(-4.0, -6.0, 0.2))
+    world = World(bounds=BOUNDS, grid=grid)
+    exact = twins.clearance(world, pose, radius_m, footprint, 99.0)
+    assume(exact > 0.0)
+    assert_allclose(clearance(world, pose, radius_m, footprint, exact + beyond_m), exact, atol=1e-9)
+
+
 @settings(max_examples=60)
 @given(worlds(), poses, radii, footprints, st.floats(0.01, 6.0), st.floats(0.0, 20.0))
 def test_worlds_of_all_kinds_up_to_any_limit(world, pose, radius_m, footprint, limit_m, time_s):

@@ -1,5 +1,6 @@
 """A*+DWA: commands that the robot can execute, and no collision that braking would have avoided."""
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -152,15 +153,46 @@ def test_a_thin_wall_between_robot_and_goal_stops_the_fastest(wall: str, name: s
     world = replace(WALLS[wall])
     tasks = [a_task(world, start=(-3.0, 0.1 * i, 0.1 * i), goal=(5.0, 0.0), path=path) for i in range(-5, 6)]
     fleet = a_fleet(tasks, robot).reset()
-    _, hit = drive(fleet, 60)
+    _, hit = drive(fleet, 150)
     assert not hit.any()
     assert np.all(fleet.b["pose"][:, 0] < 2.0)
 
 
+@pytest.mark.parametrize("gap_m", [0.01, 0.03, 0.06, 0.1])
+def test_a_corner_does_not_sweep_into_a_wall_beside(gap_m: float):
+    """A rectangle beside a wall, turning already, with its way out to the side and behind."""
+    robot = ROBOTS["rectangle both ways"]
+    world = World(bounds=EMPTY.bounds, segments=np.array([[-3.0, -0.2 - gap_m, 3.0, -0.2 - gap_m]]))
+    tasks, twists = [], []
+    for bearing in np.linspace(-math.pi, math.pi, 9):
+        way = np.array([[0.0, 0.0], [2.0 * math.cos(bearing), 2.0 * math.sin(bearing)]])
+        for turning in np.linspace(-1.5, 1.5, 7):
+            tasks.append(a_task(replace(world), path=way, goal=tuple(way[1])))
+            twists.append((0.0, min(1.0, gap_m / 0.1) * turning))
+    fleet = a_fleet(tasks, robot).reset()
+    fleet.b["twist"][:] = twists
+    _, hit = drive(fleet, 60)
+    assert not hit.any()
+
+
+def test_a_robot_that_creeps_towards_a_wall_can_stop():
+    """Its speed now, and no exact zero, is the middle of its window."""
+    robot = ROBOTS["rectangle both ways"]
+    world = World(bounds=EMPTY.bounds, segments=np.array([[-0.33, -3.0, -0.33, 3.0]]))
+    way = np.array([[0.0, 0.0], [-3.0, 0.0]])
+    fleet = a_fleet([a_task(replace(world), path=way, goal=(-3.0, 0.0)) for _ in range(20)], robot).reset()
+    fleet.b["twist"][:, 0] = np.linspace(-0.15, 0.15, 20)
+    _, hit = drive(fleet, 100)
+    assert not hit.any()
+
+
 @pytest.mark.parametrize("kind", ["circles", "segments", "polygons"])
 def test_of_too_many_obstacles_the_nearest_count(kind: str):
-    """Hundreds behind the robot, listed first, do not hide the wall in front of it."""
-    at = np.column_stack([np.random.default_rng(0).uniform(-1.4, -0.5, 400), np.linspace(-0.9, 0.9, 400)])
+    """Hundreds along the way, listed first, do not hide the wall at its end."""
+    rng = np.random.default_rng(0)
+    at = np.column_stack(
+        [rng.uniform(-0.3, 0.9, 400), rng.choice([-1.0, 1.0], 400) * rng.uniform(0.4, 0.7, 400)]
+    )
     wall: dict[str, Any] = dict(circles=np.empty((0, 3)), segments=np.empty((0, 4)), polygons=())
     if kind == "circles":
         ahead = np.column_stack([np.full(21, 1.0), np.linspace(-1, 1, 21), np.full(21, 0.06)])

@@ -165,6 +165,17 @@ def test_no_beam_slips_down_a_diagonal_of_cells(start: float, quarter: int):
         assert ranges[0] <= math.hypot(8.0 - x, 8.0 - y) + 1e-5
 
 
+@given(poses, st.floats(-3.0, 3.0), st.floats(0.1, 2.0), st.floats(0.1, 3.0))
+def test_a_wall_seen_end_on_is_passed_by_or_hit_at_its_near_end(pose: Pose, bearing: float, near_m, length_m):
+    """Where a beam along a wall would meet it is all rounding: it may miss, it may not make a range up."""
+    ahead = np.array([math.cos(bearing), math.sin(bearing)])
+    ends = np.concatenate([pose[:2] + near_m * ahead, pose[:2] + (near_m + length_m) * ahead])
+    beam = np.array([bearing - pose[2]])
+    for segment in (ends, np.roll(ends, 2)):
+        measured = scan(World(bounds=BOUNDS, segments=segment[None]), pose, beam, max_range_m=9.0)[0]
+        assert measured == 9.0 or abs(measured - near_m) < 1e-5
+
+
 def test_no_beam_enters_a_box_through_its_own_corners_even_from_afar():
     corners = box(2.0, 1.0, 0.3, 0.2, 0.6)
     world = World(bounds=BOUNDS, polygons=(corners,))

@@ -98,7 +98,7 @@ def ray_segment(origin: Point, direction: Point, a: Point, b: Point) -> float:
     """Metres along a ray to a segment; infinity when it passes by or runs alongside."""
     e, to = _minus(b, a), _minus(a, origin)
     slope = _cross(direction, e)
-    if slope == 0.0:
+    if abs(slope) <= 1e-9 * math.hypot(*e):
         return math.inf
     t, u = _cross(to, e) / slope, _cross(to, direction) / slope
     return t if t >= 0.0 and 0.0 <= u <= 1.0 else math.inf

@@ -35,7 +35,9 @@ class Td3Config:
     bc_batch_size: int = 128
     """Demonstration rows of the cloning term of an actor update."""
     actor_learning_rate: float = 1e-3
+    """Step size of Adam for the actor."""
     critic_learning_rate: float = 1e-3
+    """The same for the critics."""
     polyak: float = 0.01
     """Share of the new weights a target network takes over at each actor update."""
     actor_average: float = 0.0025
@@ -67,10 +69,11 @@ class TrainConfig:
     """A training run. Give steps or max_seconds: the budget that is spent first ends it."""
 
     seed: int = 0
+    """Of tasks, noise, robots and weights; 0 or more."""
     steps: int | None = None
     """Environment steps over all rows; a run of so many steps resumes to the same bytes."""
     max_seconds: float | None = None
-    """Wall clock of the run, demonstrations and compilation included."""
+    """Wall clock of the run in s, demonstrations and compilation included."""
     updates_per_iteration: int = 4
     """Gradient updates for each step of the vector environment; a multiple of policy_delay."""
     replay_capacity: int = 500_000

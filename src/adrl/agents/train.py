@@ -266,6 +266,11 @@ class _Run:
             self._train_success, self._success = state["train_success"], state["success"]
             self._started_s -= state["wall_s"]
             self._log = MetricsLog(self.out, state["metrics_bytes"], self._env_steps)
+        except CheckpointError as error:
+            # What a part refuses does not know which checkpoint it came from.
+            raise (
+                error if str(self.out) in str(error) else CheckpointError(f"{saved.path}: {error}")
+            ) from None
         except (KeyError, TypeError, ValueError) as error:
             raise CheckpointError(
                 f"{saved.path}: not a checkpoint of this kind of run ({error!r})"

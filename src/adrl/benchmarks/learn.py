@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from adrl.benchmarks.timing import rate_per_second
+from adrl.benchmarks.timing import rate_per_second, require_rounds
 from adrl.errors import ConfigError
 
 OBSERVATION_SIZE = 44
@@ -16,8 +16,9 @@ ROWS = 200
 
 def bench_learn(*, width: int = 128, seconds: float = 5.0, rounds: int = 3) -> dict[str, Any]:
     """Median updates a second over the rounds, on one core and on data drawn at random."""
-    if width < 1 or rounds < 1:
-        raise ConfigError(f"width is {width}, rounds {rounds}; give 1 or more")
+    if width < 1:
+        raise ConfigError(f"width is {width}; give 1 or more")
+    require_rounds(rounds, seconds)
     # JAX sizes its thread pool by the cores it finds when it is first imported.
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     from adrl.agents.config import Td3Config, TrainConfig

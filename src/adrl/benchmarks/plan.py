@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from adrl import _core
-from adrl.benchmarks.timing import median_seconds, rate_per_second
+from adrl.benchmarks.timing import median_seconds, rate_per_second, require_rounds
 from adrl.envs import NavSim
+from adrl.errors import ConfigError
 from adrl.types import OccupancyGrid, RobotConfig, Task
 from adrl.worlds import get_scenario, load_map, task_set
 from adrl.worlds.map_scenario import MapScenario
@@ -19,6 +20,9 @@ QUERIES = 50
 
 def bench_dwa(*, num_envs: int = 512, num_threads: int = 0, seconds: float = 1.0, rounds: int = 5) -> dict[str, Any]:
     """A*+DWA decisions a second on `complex`, robots under way."""
+    if num_envs < 1:
+        raise ConfigError(f"envs is {num_envs}; give 1 or more")
+    require_rounds(rounds, seconds)
     robot = RobotConfig()
     tasks = task_set(get_scenario("complex"), robot, "validation", min(num_envs, 64))
     sim = NavSim(num_envs, robot, guidance="map", num_threads=num_threads)

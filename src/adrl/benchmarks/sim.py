@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from adrl.benchmarks.timing import rate_per_second
+from adrl.benchmarks.timing import rate_per_second, require_rounds
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
 from adrl.types import Array, RobotConfig, Task, World
@@ -45,9 +45,10 @@ def bench_sim(
     A step is one robot's: motion, collision, noisy scan and guidance; a robot that crashes is reset within it.
     peers: interpreters in which irsim is installed. Raises ConfigError for one that cannot run it.
     """
-    for name, value in (("num_envs", num_envs), ("num_obstacles", num_obstacles), ("rounds", rounds)):
+    for name, value in (("num_envs", num_envs), ("num_obstacles", num_obstacles)):
         if value < 1:
             raise ConfigError(f"{name} is {value}; give 1 or more")
+    require_rounds(rounds, seconds)
     sim, step = _our_step(num_envs, num_threads, num_beams, num_obstacles)
     ours: list[float] = []
     theirs: dict[str, list[dict[str, Any]]] = {str(path): [] for path in peers}

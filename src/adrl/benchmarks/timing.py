@@ -1,8 +1,19 @@
 """Timing on shared, noisy machines: several rounds, the median counts."""
 
+import math
 import statistics
 import time
 from collections.abc import Callable
+
+from adrl.errors import ConfigError
+
+
+def require_rounds(rounds: int, seconds: float) -> None:
+    """Raises ConfigError unless there is a round, of a positive and finite length."""
+    if rounds < 1:
+        raise ConfigError(f"rounds is {rounds}; give 1 or more")
+    if not (math.isfinite(seconds) and seconds > 0.0):
+        raise ConfigError(f"seconds is {seconds}; give a positive number")
 
 
 def rate_per_second(work: Callable[[], int], seconds: float) -> float:

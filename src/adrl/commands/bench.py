@@ -8,7 +8,7 @@ from typing import Any
 from adrl import files
 from adrl.benchmarks.plan import bench_dwa, bench_map
 from adrl.benchmarks.sim import bench_sim
-from adrl.commands.options import parse
+from adrl.commands.options import parse, require_file
 from adrl.errors import UnknownName
 
 WHAT = ("sim", "plan", "learn")
@@ -46,6 +46,10 @@ class PlanOptions:
     """Robots that decide at once."""
     threads: int = 0
     """Threads; 0 takes one per core."""
+    seconds: float = 1.0
+    """Length of a round, s."""
+    rounds: int = 5
+    """Rounds; the median is reported."""
     json: Path | None = None
     """File for the results."""
 
@@ -81,6 +85,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def _sim(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
     options = parse(SimOptions, arguments, "bench sim", "Environment steps a second.")
+    require_file("--json", options.json)
     results = bench_sim(
         num_envs=options.envs,
         num_threads=options.threads,
@@ -95,7 +100,10 @@ def _sim(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
 
 def _plan(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
     options = parse(PlanOptions, arguments, "bench plan", "A*+DWA decisions a second, and planning across a map.")
-    results = bench_dwa(num_envs=options.envs, num_threads=options.threads)
+    require_file("--json", options.json)
+    results = bench_dwa(
+        num_envs=options.envs, num_threads=options.threads, seconds=options.seconds, rounds=options.rounds
+    )
     if options.map is not None:
         results["map"] = bench_map(options.map)
     return results, options.json
@@ -105,4 +113,5 @@ def _learn(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
     from adrl.benchmarks.learn import bench_learn
 
     options = parse(LearnOptions, arguments, "bench learn", "Gradient updates a second.")
+    require_file("--json", options.json)
     return bench_learn(width=options.width, seconds=options.seconds, rounds=options.rounds), options.json

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from adrl.commands.options import console, parse
+from adrl.commands.options import console, parse, require_folder
 from adrl.envs import NavVectorEnv
+from adrl.errors import ConfigError
 from adrl.imitation import Source, collect, save_minari
 from adrl.worlds.place import Place
 
@@ -32,6 +33,9 @@ class CollectOptions(Place):
 def main(arguments: Sequence[str]) -> int:
     """Record demonstrations."""
     options = parse(CollectOptions, arguments, "collect", "Record A*+DWA demonstrations as a Minari dataset.")
+    require_folder("--out", options.out)
+    if options.seed < 0:
+        raise ConfigError(f"seed is {options.seed}; give 0 or more")
     env = NavVectorEnv(
         options.num_envs,
         scenario=options.load(),

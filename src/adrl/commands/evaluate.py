@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from adrl import api, files
-from adrl.commands.options import console, parse, progress_bar
+from adrl.commands.options import console, parse, progress_bar, require_file, require_folder
 from adrl.errors import ConfigError
 from adrl.evaluation.results import comparison_table
 from adrl.types import Task
@@ -47,6 +47,8 @@ class EvaluateOptions(Place):
 def main(arguments: Sequence[str]) -> int:
     """Evaluate and print a table."""
     options = parse(EvaluateOptions, arguments, "evaluate", "Drive a policy on fixed tasks and report how it did.")
+    require_folder("--out", options.out)
+    require_file("--json", options.json)
     with progress_bar(f"evaluating {options.policy}") as (bar, task):
 
         def show(ended: int, total: int) -> None:

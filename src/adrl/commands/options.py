@@ -2,11 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TypeVar
 
 import tyro
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from adrl.errors import ConfigError
 
 Options = TypeVar("Options")
 
@@ -19,6 +22,24 @@ def parse(options: type[Options], arguments: Sequence[str], command: str, descri
         prog=f"adrl {command}",
         description=description,
     )
+
+
+def require_folder(option: str, path: Path | None) -> None:
+    """Before the work starts: a folder can be made at path. Raises ConfigError where a file is in the way."""
+    if path is None:
+        return
+    existing = next(place for place in (path, *path.absolute().parents) if place.exists())
+    if not existing.is_dir():
+        raise ConfigError(f"{option} {path}: {existing} is no folder; give another place")
+
+
+def require_file(option: str, path: Path | None) -> None:
+    """The same of a file that is to be written at path."""
+    if path is None or str(path) == "-":
+        return
+    if path.is_dir():
+        raise ConfigError(f"{option} {path} is a folder; give a file")
+    require_folder(option, path.absolute().parent)
 
 
 def console() -> Console:

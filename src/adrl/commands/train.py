@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from adrl.cli import STARTED_S
-from adrl.commands.options import console, parse, progress_bar
+from adrl.commands.options import console, parse, progress_bar, require_folder
 from adrl.runs import RunConfig, run_folder, train
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ REDRAW_S = 0.1
 def main(arguments: Sequence[str]) -> int:
     """Train a policy and say where it is."""
     config = parse(RunConfig, arguments, "train", "Train a policy. Distances in m, times in s, angles in rad.")
+    require_folder("--out", config.out)
     last_drawn = 0.0
     with progress_bar(f"{config.method} on {config.load().name}") as (bar, task):
 

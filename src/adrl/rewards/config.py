@@ -20,11 +20,11 @@ class RewardConfig:
     failure_penalty: float = 200.0
     """-r_f of eq 8, paid once on collision."""
     safe_clearance_m: float = 0.3
-    """d_safe - d_r of eq 11: clearance of the footprint's edge below which an obstacle costs."""
+    """d_safe - d_r of eq 11: clearance of the footprint's edge, in m, below which an obstacle costs."""
     stagnation_fraction: float = 0.15
     """d_m of eq 12 as a fraction of max_speed * dt, the longest step a robot can make."""
     near_goal_m: float = 3.0
-    """Distance below which the goal counts as near: T_goal rises from 0 here to 1 at the goal."""
+    """Distance in m below which the goal counts as near: T_goal rises from 0 here to 1 at the goal."""
     success_weight: float = 1.0
     """Weight of the success row; fixed, while the four shaping rows always sum to 1."""
     failure_weight: float = 1.0

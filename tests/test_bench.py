@@ -1,0 +1,79 @@
+"""The benchmarks return what they promise. Tiny sizes: the numbers mean nothing here."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from adrl.benchmarks.plan import bench_dwa, bench_map
+from adrl.benchmarks.sim import bench_sim
+from adrl.benchmarks.timing import median_seconds, rate_per_second
+from adrl.errors import ConfigError
+from map_files import write_map
+from small_run import run_cli
+
+SIM_KEYS = {"steps_per_second", "threads", "envs", "beams", "obstacles", "peers"}
+
+
+def test_rates_count_the_work_of_every_round() -> None:
+    calls: list[int] = []
+
+    def work() -> int:
+        calls.append(1)
+        return 7
+
+    rate = rate_per_second(work, 0.01)
+    assert 0.0 < rate <= 7 * len(calls) / 0.01
+    assert median_seconds(work, 3) >= 0.0
+
+
+def test_sim(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sizes = ("--envs", 8, "--beams", 12, "--obstacles", 5, "--seconds", 0.02, "--rounds", 3, "--threads", 1)
+    assert run_cli("bench", "sim", *sizes, "--json", tmp_path / "sim.json") == 0
+    results = json.loads((tmp_path / "sim.json").read_text())
+    assert json.loads(capsys.readouterr().out) == results
+    assert SIM_KEYS <= results.keys()
+    # Five circles and the four walls around them.
+    assert [results[name] for name in ("threads", "envs", "beams", "obstacles")] == [1, 8, 12, 9]
+    rounds = results["steps_per_second_rounds"]
+    assert len(rounds) == 3
+    assert results["steps_per_second"] == sorted(rounds)[1] > 0.0
+    assert results["peers"] == []
+
+
+def test_plan(tmp_path: Path) -> None:
+    path = write_map(tmp_path, [[254] * 120] * 120, resolution=0.1)
+    results = bench_dwa(num_envs=4, num_threads=1, seconds=0.02, rounds=1)
+    assert (results["envs"], results["threads"]) == (4, 1)
+    assert results["decisions_per_second"] > 0.0
+    across = bench_map(path, rounds=1)
+    assert (across["map"], across["cells"], across["queries"]) == ("map.yaml", [120, 120], 50)
+    assert 0.0 < across["median_ms"] <= across["p95_ms"]
+
+
+def test_plan_across_a_turned_map(tmp_path: Path) -> None:
+    path = write_map(tmp_path, [[254] * 160] * 80, resolution=0.1, origin=[3.0, -2.0, 2.0])
+    assert bench_map(path, rounds=1)["median_ms"] > 0.0
+
+
+def test_learn() -> None:
+    # A process of its own: the benchmark binds its process to one core.
+    command = [sys.executable, "-m", "adrl.cli", "bench", "learn"]
+    options = ["--width", "8", "--seconds", "0.05", "--rounds", "1"]
+    done = subprocess.run([*command, *options], capture_output=True, text=True, timeout=120, env=os.environ)
+    assert done.returncode == 0, done.stderr
+    results = json.loads(done.stdout)
+    assert results["updates_per_second"] == results["updates_per_second_rounds"][0] > 0.0
+    assert {"width", "batch_size", "observation_size"} <= results.keys()
+
+
+@pytest.mark.parametrize("seconds", [math.nan, math.inf, 0.0, -1.0])
+def test_a_round_needs_a_length(seconds: float) -> None:
+    with pytest.raises(ConfigError, match="seconds"):
+        bench_sim(num_envs=4, seconds=seconds)
+    with pytest.raises(ConfigError, match="seconds"):
+        bench_dwa(num_envs=4, seconds=seconds)

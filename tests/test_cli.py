@@ -1,0 +1,239 @@
+"""The command line end to end, with small sizes."""
+
+import dataclasses
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adrl.agents.methods import METHODS
+from adrl.cli import COMMANDS, main
+from adrl.commands.bench import LearnOptions, PlanOptions, SimOptions
+from adrl.commands.collect import CollectOptions
+from adrl.commands.evaluate import EvaluateOptions
+from adrl.commands.list import ListOptions
+from adrl.evaluation.results import read_episodes
+from adrl.runs import RunConfig
+from adrl.types import GUIDANCE
+from adrl.worlds import ROBOTS, SCENARIOS
+from small_run import TRAIN, finished_run, run_cli
+
+OPTIONS: dict[str, Any] = {
+    "train": RunConfig,
+    "evaluate": EvaluateOptions,
+    "collect": CollectOptions,
+    "list": ListOptions,
+    "bench sim": SimOptions,
+    "bench plan": PlanOptions,
+    "bench learn": LearnOptions,
+}
+UNITS = {"m": r"\bm\b", "seconds": r"\bs\b", "start": r"\(m\).*\(rad\)", "goal": r"\(m\)"}
+"""What the help of an option whose name ends so must say."""
+METRICS = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")
+ABOUT = ("policy", "method", "robot", "scenario", "guidance", "split", "episodes")
+TRAINING = ("train_seconds", "env_steps", "gradient_updates")
+
+
+def adrl(*arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
+    """adrl in a process of its own."""
+    command = [sys.executable, "-m", "adrl.cli", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, **options)
+
+
+def explained(help_text: str) -> dict[str, str]:
+    """What help says of each option, without its kind of value and its default."""
+    options: dict[str, str] = {}
+    name = ""
+    for line in help_text.splitlines():
+        content = line.strip("│ ")
+        if line.startswith("│ -"):
+            name = re.findall(r"--([\w.-]+)", content)[0]
+            options[name] = re.sub(r"^(-h, )?(--[\w.-]+(, )?)+", "", content)
+        elif line.startswith("│ ") and name:
+            options[name] += " " + content
+        else:
+            name = ""
+    kind = r"^\s*((\{[^}]*\}|[A-Z]{3,}|\[[A-Z]{3,}|\.\.\.\]\])[|\s]*)*"
+    return {
+        name: re.sub(kind, "", re.sub(r"\((default|required).*", "", text)).strip()
+        for name, text in options.items()
+    }
+
+
+@pytest.fixture
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return finished_run(tmp_path_factory)
+
+
+class TestHelp:
+    def test_every_command_is_covered_here(self) -> None:
+        assert {command.split()[0] for command in OPTIONS} == set(COMMANDS)
+
+    @pytest.mark.parametrize("command", [*OPTIONS, "bench"])
+    def test_help_exits_with_0(self, command: str, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run_cli(*command.split(), "--help") == 0
+        assert f"usage: adrl {command}" in capsys.readouterr().out
+
+    @pytest.mark.parametrize("command", OPTIONS)
+    def test_every_option_is_explained_with_its_unit(
+        self, command: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        monkeypatch.setenv("COLUMNS", "80")  # one column of boxes
+        run_cli(*command.split(), "--help")
+        shown = explained(capsys.readouterr().out)
+        fields = {field.name.replace("_", "-") for field in dataclasses.fields(OPTIONS[command])}
+        assert fields - {"learner", "encoder"} <= shown.keys()
+        for name, text in shown.items():
+            assert len(text) >= 10, f"adrl {command} --{name} is not explained"
+            for ending, unit in UNITS.items():
+                if name == ending or name.endswith(f"-{ending}"):
+                    assert re.search(unit, text, re.DOTALL), f"adrl {command} --{name} names no unit: {text}"
+
+    def test_alone_it_exits_with_2(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main([]) == 2
+        assert main(["bench"]) == 2
+        shown = capsys.readouterr().out
+        assert all(f"  {name}  " in shown for name in COMMANDS)
+        assert "sim|plan|learn" in shown
+
+    def test_help_imports_no_heavy_module(self) -> None:
+        program = (
+            "import sys; from adrl.cli import main; code = main(['--help']); "
+            "heavy = {'jax', 'gymnasium', 'numpy', 'tyro', 'matplotlib', 'scipy'} & set(sys.modules); "
+            "sys.exit(code or ' '.join(heavy) or 0)"
+        )
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+        assert (done.returncode, done.stderr) == (0, "")
+
+    def test_list_names_every_registry_entry(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert main(["list"]) == 0
+        named = {line.split()[0] for line in capsys.readouterr().out.splitlines() if line.startswith("  ")}
+        assert named == {*ROBOTS, *SCENARIOS, *METHODS, *GUIDANCE, "astar-dwa", "default"}
+
+    def test_version(self, capsys: pytest.CaptureFixture[str]) -> None:
+        from adrl import __version__
+
+        assert main(["--version"]) == 0
+        assert capsys.readouterr().out.strip() == __version__
+
+
+class TestTrain:
+    def test_the_run_folder_is_complete(self, run: Path) -> None:
+        files = {"config.json", "versions.json", "metrics.jsonl", "policy.safetensors", "checkpoint", "tb"}
+        assert {path.name for path in run.iterdir()} == files
+        assert [path.name for path in (run / "checkpoint").iterdir()] == ["000000004096"]
+        assert list((run / "tb").iterdir())
+        config = json.loads((run / "config.json").read_text())
+        assert (config["method"], config["scenario"], config["env_steps"]) == ("adrl", "clutter", 4096)
+        assert config["settings"]["learner"]["steps"] == 4096
+        assert {"python", "adrl", "numpy", "jax"} <= json.loads((run / "versions.json").read_text()).keys()
+
+    def test_metrics_come_at_every_interval(self, run: Path) -> None:
+        rows = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]
+        assert [row["env_steps"] for row in rows] == [1024, 2048, 3072, 4096]
+        keys = ("wall_s", "updates", "episode", "S", "alpha", "lambda_bc", "q_mean", "return_mean")
+        assert all({*keys, "expert_fraction", "success"} <= row.keys() for row in rows)
+
+    def test_the_same_command_gives_the_same_bytes(
+        self, run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        again, other = tmp_path / "again", tmp_path / "other"
+        assert run_cli(*TRAIN, "--out", again) == 0
+        assert capsys.readouterr().out.splitlines()[-1] == str(again)
+        assert run_cli(*TRAIN, "--seed", 1, "--out", other) == 0
+        policies = [(folder / "policy.safetensors").read_bytes() for folder in (run, again, other)]
+        assert policies[0] == policies[1] != policies[2]
+
+    def test_evaluations_during_training_are_logged(self, tmp_path: Path) -> None:
+        options = ("--eval-interval-steps", 2048, "--validation-episodes", 2)
+        assert run_cli(*TRAIN, *options, "--out", tmp_path / "run") == 0
+        lines = (tmp_path / "run" / "metrics.jsonl").read_text().splitlines()
+        success = {row["env_steps"]: row["success"] for row in map(json.loads, lines)}
+        assert success[1024] is None
+        assert success[2048] in (0.0, 0.5, 1.0)
+
+    def test_max_seconds_ends_a_run(self, tmp_path: Path) -> None:
+        arguments = [*TRAIN, "--steps", "None", "--max-seconds", "3", "--out", str(tmp_path / "run")]
+        begin = time.monotonic()
+        done = adrl(*arguments)
+        assert done.returncode == 0, done.stderr
+        assert time.monotonic() - begin < 60.0
+        config = json.loads((tmp_path / "run" / "config.json").read_text())
+        assert config["train_seconds"] >= 3.0
+
+    def test_training_on_a_collected_dataset(self, tmp_path: Path) -> None:
+        data, out = tmp_path / "walks-v0", tmp_path / "run"
+        assert run_cli("collect", "--out", data, "--steps", 2048, "--num-envs", 32) == 0
+        assert run_cli(*TRAIN, "--dataset", data, "--out", out) == 0
+        config = json.loads((out / "config.json").read_text())
+        assert config["settings"]["dataset"] == str(data)
+        assert config["env_steps"] == 4096
+
+
+class TestEvaluate:
+    def evaluate(self, policy: object, folder: Path, *options: object) -> dict[str, Any]:
+        file = folder / "summary-copy.json"
+        arguments = ("--policy", policy, "--episodes", 8, "--json", file, "--out", folder)
+        assert run_cli("evaluate", *arguments, *options) == 0
+        assert file.read_bytes() == (folder / "summary.json").read_bytes()
+        return json.loads(file.read_text())
+
+    def test_the_summary_has_every_key(self, run: Path, tmp_path: Path) -> None:
+        summary = self.evaluate(run, tmp_path)
+        wide = {name + suffix for name in METRICS for suffix in ("", "_low", "_high")}
+        assert {"schema_version", *ABOUT, *TRAINING, *wide} <= summary.keys()
+        assert (summary["episodes"], summary["method"], summary["env_steps"]) == (8, "adrl", 4096)
+        assert summary["success"] + summary["collision"] + summary["timeout"] == pytest.approx(1.0)
+        for name in METRICS:
+            if summary[f"{name}_low"] is not None:
+                assert summary[f"{name}_low"] <= summary[name] <= summary[f"{name}_high"]
+        assert len(read_episodes(tmp_path / "episodes.parquet")) == 8
+
+    def test_the_seed_changes_the_noise_and_not_the_tasks(self, run: Path, tmp_path: Path) -> None:
+        episodes = []
+        for folder, seed in (("a", 0), ("b", 0), ("c", 1)):
+            self.evaluate(run, tmp_path / folder, "--seed", seed)
+            episodes.append(read_episodes(tmp_path / folder / "episodes.parquet"))
+        first, same, other = episodes
+        for name in ("task", "start_xy_m", "goal_xy_m", "shortest_m"):
+            assert np.array_equal(getattr(first, name), getattr(other, name))
+        assert np.array_equal(first.final_pose, same.final_pose)
+        assert not np.array_equal(first.final_pose, other.final_pose)
+
+    def test_json_to_standard_output_is_json_alone(self, capsys: pytest.CaptureFixture[str]) -> None:
+        assert run_cli("evaluate", "--policy", "astar-dwa", "--episodes", 4, "--json", "-") == 0
+        summary = json.loads(capsys.readouterr().out)
+        assert (summary["policy"], summary["guidance"], summary["train_seconds"]) == ("astar-dwa", "map", None)
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_a_killed_run_resumes_to_the_same_bytes(tmp_path: Path) -> None:
+    """Killed by SIGKILL at two random moments, then resumed: the policy of a run never killed."""
+    long = (*TRAIN, "--steps", "8192", "--checkpoint-interval-steps", "512")
+    begin = time.monotonic()
+    whole = adrl(*long, "--out", tmp_path / "whole")
+    duration_s = time.monotonic() - begin
+    assert whole.returncode == 0, whole.stderr
+    out, rng, kills = tmp_path / "killed", np.random.default_rng(), 0
+    command = [sys.executable, "-m", "adrl.cli", *long, "--out", str(out), "--resume"]
+    for share in (rng.uniform(0.1, 0.6), rng.uniform(0.4, 0.9)):
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            process.wait(share * duration_s)
+        except subprocess.TimeoutExpired:
+            os.kill(process.pid, signal.SIGKILL)
+            process.wait()
+            kills += 1
+    assert kills > 0, "the run was never killed"
+    resumed = adrl(*long, "--out", out, "--resume")
+    assert resumed.returncode == 0, resumed.stderr
+    assert (out / "policy.safetensors").read_bytes() == (tmp_path / "whole" / "policy.safetensors").read_bytes()
