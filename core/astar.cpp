@@ -155,7 +155,8 @@ bool line_of_sight(const std::uint8_t *blocked, int height, int width, GridPoint
     return true;
 }
 
-std::vector<GridPoint> shorten_path(const std::uint8_t *blocked, int height, int width, const std::vector<Cell> &cells) {
+std::vector<GridPoint> shorten_path(const std::uint8_t *blocked, int height, int width,
+                                    const std::vector<Cell> &cells) {
     std::vector<GridPoint> path;
     for (const Cell &c : cells) path.push_back({static_cast<double>(c.row), static_cast<double>(c.column)});
     if (path.size() < 3) return path;

@@ -77,9 +77,8 @@ void BatchSim::plan(double *out) {
             const double along = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
             const Vec2 target = visible_waypoint(task, {pose.x, pose.y}, along, config_.dwa_lookahead);
             const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
-            const Twist command =
-                dwa_command(*task.world, robot_.footprint, limits, config_.dwa, pose,
-                            {b_.twist[2 * i], b_.twist[2 * i + 1]}, target, b_.time[i], robot_.dt_s);
+            const Twist command = dwa_command(*task.world, robot_.footprint, limits, config_.dwa, pose,
+                                              {b_.twist[2 * i], b_.twist[2 * i + 1]}, target, b_.time[i], robot_.dt_s);
             out[2 * i] = command.v;
             out[2 * i + 1] = command.w;
         }
@@ -96,8 +95,8 @@ void BatchSim::reset_one(int i) {
     b_.twist[2 * i + 1] = 0.0;
     b_.time[i] = 0.0;
     b_.travelled[i] = 0.0;
-    b_.clearance[i] = clearance(*task.world, DiscPlaces(*task.world, 0.0), robot_.footprint, task.start,
-                                config_.clearance_limit);
+    b_.clearance[i] =
+        clearance(*task.world, DiscPlaces(*task.world, 0.0), robot_.footprint, task.start, config_.clearance_limit);
     b_.least_clearance[i] = b_.clearance[i];
     b_.collided[i] = b_.clearance[i] <= 0.0;
     b_.reached[i] = norm(Vec2{task.start.x, task.start.y} - task.goal) < task.goal_tolerance;
@@ -136,8 +135,8 @@ void BatchSim::step_one(int i) {
         const Twist wanted{due[0] * params[kSpeedGain], due[1] * params[kYawGain]};
         const Twist next = advance_twist(twist, wanted, limits, spans[part]);
         const Twist mean{0.5 * (twist.v + next.v), 0.5 * (twist.w + next.w)};
-        const Motion motion = drive(*task.world, robot_.footprint, pose, mean, time_s, spans[part], clear,
-                                    config_.clearance_limit);
+        const Motion motion =
+            drive(*task.world, robot_.footprint, pose, mean, time_s, spans[part], clear, config_.clearance_limit);
         odometry = integrate(odometry,
                              {mean.v * (1.0 + params[kOdometrySpeedError]), mean.w * (1.0 + params[kOdometryYawError])},
                              motion.moved_s);
@@ -188,8 +187,7 @@ void BatchSim::guide(int i) {
     const double window = 2.0 * std::max(config_.lookahead, config_.dwa_lookahead);
     along = task.path.project(p, along, along + window);
     b_.route_left[i] = task.path.length() - along + norm(task.path.at(along) - p);
-    const Vec2 waypoint =
-        config_.lookahead > 0.0 ? visible_waypoint(task, p, along, config_.lookahead) : task.goal;
+    const Vec2 waypoint = config_.lookahead > 0.0 ? visible_waypoint(task, p, along, config_.lookahead) : task.goal;
     b_.waypoint[2 * i] = waypoint.x;
     b_.waypoint[2 * i + 1] = waypoint.y;
 }

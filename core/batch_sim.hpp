@@ -55,23 +55,23 @@ inline constexpr int kMemory = 2 + 2 * kHistory;
 
 // Row i belongs to robot i. All arrays are C-contiguous.
 struct SimBuffers {
-    const double *command;     // (N, 2) speed, yaw rate
+    const double *command;      // (N, 2) speed, yaw rate
     const std::uint8_t *active; // (N) rows that step() moves
-    const std::uint64_t *seed; // (N) of the noise
-    const double *params;      // (N, kNumParams)
-    float *ranges;             // (N, K)
-    double *pose;              // (N, 3) true
-    double *odometry;          // (N, 3) dead reckoning, starts at the true pose
-    double *twist;             // (N, 2) executed
-    double *clearance;         // (N) from the footprint's edge, at the end of the step
-    double *least_clearance;   // (N) during the step
-    double *waypoint;          // (N, 2) point of the path to head for
-    double *route_left;        // (N) metres of path left
-    double *time;              // (N) seconds since the start
-    double *travelled;         // (N) metres driven
-    std::uint8_t *reached;     // (N)
-    std::uint8_t *collided;    // (N)
-    double *memory;            // (N, kMemory)
+    const std::uint64_t *seed;  // (N) of the noise
+    const double *params;       // (N, kNumParams)
+    float *ranges;              // (N, K)
+    double *pose;               // (N, 3) true
+    double *odometry;           // (N, 3) dead reckoning, starts at the true pose
+    double *twist;              // (N, 2) executed
+    double *clearance;          // (N) from the footprint's edge, at the end of the step
+    double *least_clearance;    // (N) during the step
+    double *waypoint;           // (N, 2) point of the path to head for
+    double *route_left;         // (N) metres of path left
+    double *time;               // (N) seconds since the start
+    double *travelled;          // (N) metres driven
+    std::uint8_t *reached;      // (N)
+    std::uint8_t *collided;     // (N)
+    double *memory;             // (N, kMemory)
 };
 
 struct SimConfig {

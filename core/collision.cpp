@@ -56,7 +56,8 @@ double to_square(Vec2 p, int x, int y) {
 }
 
 // Calls visit(x, y) for every solid cell whose square may lie within `reach` cells of p.
-template <class Visit> void visit_solid(const Bitmap &bitmap, Vec2 p, double reach, Visit visit) {
+template <class Visit>
+void visit_solid(const Bitmap &bitmap, Vec2 p, double reach, Visit visit) {
     const int x0 = std::max(0, static_cast<int>(std::floor(p.x - reach)));
     const int x1 = std::min(bitmap.width - 1, static_cast<int>(std::floor(p.x + reach)));
     const int y0 = std::max(0, static_cast<int>(std::floor(p.y - reach)));
@@ -189,8 +190,8 @@ double polygon_clearance(const World &world, const DiscPlaces &discs, const Foot
     const Vec2 centre{pose.x, pose.y};
     const double r = footprint.radius;
     const Circles &circles = world.circles();
-    double least = polygon_to_circles(polygon, circles.x.data(), circles.y.data(), circles.radius.data(),
-                                      circles.count, centre, r, limit);
+    double least = polygon_to_circles(polygon, circles.x.data(), circles.y.data(), circles.radius.data(), circles.count,
+                                      centre, r, limit);
     least = polygon_to_circles(polygon, discs.x, discs.y, discs.radius, discs.count, centre, r, least);
     least = polygon_to_segments(polygon, world.walls(), centre, r, least);
     least = polygon_to_segments(polygon, world.edges(), centre, r, least);

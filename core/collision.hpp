@@ -27,9 +27,9 @@ bool corridor_free(const World &world, Vec2 from, Vec2 to, double radius);
 double point_to_bitmap(const Bitmap &bitmap, Vec2 point, double limit);
 
 struct Motion {
-    Pose pose;               // where the robot ended: at the end of the step or where it hit
-    double moved_s = 0.0;    // time until then
-    double clearance = 0.0;  // least seen on the way
+    Pose pose;              // where the robot ended: at the end of the step or where it hit
+    double moved_s = 0.0;   // time until then
+    double clearance = 0.0; // least seen on the way
     bool collided = false;
     double final_clearance = 0.0;
 };

@@ -91,14 +91,16 @@ void chebyshev_field(const std::uint8_t *solid, int height, int width, std::uint
     for (int y = 0; y < height; ++y) {
         for (int x = 0; x < width; ++x) {
             const auto i = static_cast<std::ptrdiff_t>(y) * width + x;
-            const int near = std::min(std::min(at(y - 1, x - 1), at(y - 1, x)), std::min(at(y - 1, x + 1), at(y, x - 1)));
+            const int near =
+                std::min(std::min(at(y - 1, x - 1), at(y - 1, x)), std::min(at(y - 1, x + 1), at(y, x - 1)));
             out[i] = static_cast<std::uint8_t>(solid[i] ? 0 : std::min(near + 1, 255));
         }
     }
     for (int y = height - 1; y >= 0; --y) {
         for (int x = width - 1; x >= 0; --x) {
             const auto i = static_cast<std::ptrdiff_t>(y) * width + x;
-            const int near = std::min(std::min(at(y + 1, x + 1), at(y + 1, x)), std::min(at(y + 1, x - 1), at(y, x + 1)));
+            const int near =
+                std::min(std::min(at(y + 1, x + 1), at(y + 1, x)), std::min(at(y + 1, x - 1), at(y, x + 1)));
             out[i] = static_cast<std::uint8_t>(std::min<int>(out[i], near + 1));
         }
     }

@@ -20,8 +20,8 @@ ADRL_INLINE std::uint64_t random_key(std::uint64_t seed, std::uint64_t step) { r
 // Nearly normal, zero mean and unit variance: the sum of four 16-bit uniforms (Irwin-Hall), bounded by +-3.47.
 // Cheap enough for one number a beam, and a real range sensor has no infinite tails either.
 ADRL_INLINE double nearly_normal(std::uint64_t bits) {
-    const auto sum = static_cast<double>(static_cast<std::int32_t>((bits & 0xFFFF) + ((bits >> 16) & 0xFFFF) +
-                                                                   ((bits >> 32) & 0xFFFF) + (bits >> 48)));
+    const auto sum = static_cast<double>(
+        static_cast<std::int32_t>((bits & 0xFFFF) + ((bits >> 16) & 0xFFFF) + ((bits >> 32) & 0xFFFF) + (bits >> 48)));
     constexpr double mean = 2.0 * 65535.0;
     constexpr double inverse_std = 1.0 / 37837.22; // sqrt(4 (65536^2 - 1) / 12)
     return (sum - mean) * inverse_std;

@@ -117,8 +117,12 @@ World::World(std::span<const double> circles, std::span<const double> corners, s
         polygon_begin_.push_back(edges_.count);
     }
     for (std::size_t i = 0; i + 7 < discs.size(); i += 8) {
-        discs_.push_back({{discs[i], discs[i + 1]}, {discs[i + 2], discs[i + 3]}, discs[i + 4], discs[i + 5],
-                          discs[i + 6], discs[i + 7]});
+        discs_.push_back({{discs[i], discs[i + 1]},
+                          {discs[i + 2], discs[i + 3]},
+                          discs[i + 4],
+                          discs[i + 5],
+                          discs[i + 6],
+                          discs[i + 7]});
         max_disc_speed_ = std::max(max_disc_speed_, std::abs(discs[i + 5]));
     }
     if (discs_.size() > kMaxDiscs) throw std::invalid_argument("a world holds at most 64 moving discs");

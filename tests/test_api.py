@@ -88,7 +88,8 @@ def test_the_planner_solves_the_corridor() -> None:
     assert result.summary["success"] == 1.0
     assert result.summary["optimality"] == pytest.approx(1.0, abs=0.1)
     assert len(result.tasks) == 4
-    assert [np.allclose(route[0], task.start[:2]) for route, task in zip(result.rollout.routes, result.tasks[:2])]
+    for route, task in zip(result.rollout.routes, result.tasks[:2], strict=True):
+        assert np.allclose(route[0], task.start[:2])
     assert len(result.rollout.routes) == 2
 
 

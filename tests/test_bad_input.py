@@ -79,7 +79,9 @@ class TestNames:
             (("evaluate", "--episdes", 3), ("--episdes", "--episodes")),
         ],
     )
-    def test_the_nearest_is_suggested(self, adrl: Adrl, arguments: tuple[object, ...], says: tuple[str, ...]) -> None:
+    def test_the_nearest_is_suggested(
+        self, adrl: Adrl, arguments: tuple[object, ...], says: tuple[str, ...]
+    ) -> None:
         adrl.refuses(*arguments, says=says)
 
 
@@ -148,7 +150,7 @@ class TestPlaces:
     def test_map_without_its_image(self, adrl: Adrl) -> None:
         write_map(adrl.folder, hall())
         (adrl.folder / "image.pgm").unlink()
-        self.refused(adrl, "map.yaml", "image.pgm")
+        self.refused(adrl, "image.pgm", "does not exist", "YAML")
 
     def test_map_with_a_truncated_image(self, adrl: Adrl) -> None:
         write_map(adrl.folder, hall())
@@ -185,7 +187,9 @@ class TestPlaces:
 
     def test_map_and_world_together(self, adrl: Adrl) -> None:
         message = ("map", "world", "not both")
-        adrl.refuses("evaluate", "--policy", "astar-dwa", "--map", "a.yaml", "--world", "b.world", says=message)
+        adrl.refuses(
+            "evaluate", "--policy", "astar-dwa", "--map", "a.yaml", "--world", "b.world", says=message
+        )
         adrl.refuses("train", "--steps", 64, "--map", "a.yaml", "--world", "b.world", says=message)
 
 
@@ -379,7 +383,9 @@ class TestRunFolders:
             (("--demonstration-steps", "1024"), ""),
         ],
     )
-    def test_resume_with_other_settings(self, adrl: Adrl, run: Path, option: tuple[str, ...], says: str) -> None:
+    def test_resume_with_other_settings(
+        self, adrl: Adrl, run: Path, option: tuple[str, ...], says: str
+    ) -> None:
         adrl.refuses(*TRAIN, *option, "--steps", 8192, "--out", run, "--resume", says=(run.name, says))
 
     def test_damaged_checkpoint(self, adrl: Adrl, run: Path) -> None:
@@ -394,7 +400,9 @@ class TestOutputs:
         (adrl.folder / "file").write_text("precious")
         for out in ("file", "file/below"):
             adrl.refuses(*TRAIN, "--out", out, says=("--out", "file"))
-            adrl.refuses("evaluate", "--policy", "astar-dwa", "--episodes", 2, "--out", out, says=("--out", "file"))
+            adrl.refuses(
+                "evaluate", "--policy", "astar-dwa", "--episodes", 2, "--out", out, says=("--out", "file")
+            )
             adrl.refuses("collect", "--out", out, says=("--out", "file"))
         evaluate = ("evaluate", "--policy", "astar-dwa", "--episodes", 2, "--out", "new")
         adrl.refuses(*evaluate, "--json", "file/below.json", says=("--json", "file"))
@@ -402,7 +410,9 @@ class TestOutputs:
 
     def test_a_folder_in_the_way_of_a_file(self, adrl: Adrl) -> None:
         (adrl.folder / "folder").mkdir()
-        adrl.refuses("evaluate", "--policy", "astar-dwa", "--out", "new", "--json", "folder", says=("--json", "folder"))
+        adrl.refuses(
+            "evaluate", "--policy", "astar-dwa", "--out", "new", "--json", "folder", says=("--json", "folder")
+        )
 
 
 @pytest.mark.parametrize("peer", ["gone/python", "/bin/false"])

@@ -53,11 +53,11 @@ def explained(help_text: str) -> dict[str, str]:
     options: dict[str, str] = {}
     name = ""
     for line in help_text.splitlines():
-        content = line.strip("│ ")
-        if line.startswith("│ -"):
+        content = line.strip("│| ")
+        if re.match(r"(-h, )?--[a-z]", content):
             name = re.findall(r"--([\w.-]+)", content)[0]
             options[name] = re.sub(r"^(-h, )?(--[\w.-]+(, )?)+", "", content)
-        elif line.startswith("│ ") and name:
+        elif content and name:
             options[name] += " " + content
         else:
             name = ""
@@ -161,13 +161,13 @@ class TestTrain:
         assert success[2048] in (0.0, 0.5, 1.0)
 
     def test_max_seconds_ends_a_run(self, tmp_path: Path) -> None:
-        arguments = [*TRAIN, "--steps", "None", "--max-seconds", "3", "--out", str(tmp_path / "run")]
+        arguments = [*TRAIN, "--steps", "None", "--max-seconds", "2", "--out", str(tmp_path / "run")]
         begin = time.monotonic()
         done = adrl(*arguments)
         assert done.returncode == 0, done.stderr
         assert time.monotonic() - begin < 60.0
         config = json.loads((tmp_path / "run" / "config.json").read_text())
-        assert config["train_seconds"] >= 3.0
+        assert config["train_seconds"] >= 2.0
 
     def test_training_on_a_collected_dataset(self, tmp_path: Path) -> None:
         data, out = tmp_path / "walks-v0", tmp_path / "run"
@@ -211,7 +211,11 @@ class TestEvaluate:
     def test_json_to_standard_output_is_json_alone(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert run_cli("evaluate", "--policy", "astar-dwa", "--episodes", 4, "--json", "-") == 0
         summary = json.loads(capsys.readouterr().out)
-        assert (summary["policy"], summary["guidance"], summary["train_seconds"]) == ("astar-dwa", "map", None)
+        assert (summary["policy"], summary["guidance"], summary["train_seconds"]) == (
+            "astar-dwa",
+            "map",
+            None,
+        )
 
 
 @pytest.mark.slow
@@ -236,4 +240,6 @@ def test_a_killed_run_resumes_to_the_same_bytes(tmp_path: Path) -> None:
     assert kills > 0, "the run was never killed"
     resumed = adrl(*long, "--out", out, "--resume")
     assert resumed.returncode == 0, resumed.stderr
-    assert (out / "policy.safetensors").read_bytes() == (tmp_path / "whole" / "policy.safetensors").read_bytes()
+    assert (out / "policy.safetensors").read_bytes() == (
+        tmp_path / "whole" / "policy.safetensors"
+    ).read_bytes()

@@ -26,12 +26,20 @@ class World:
 def raycast(world: World, poses: F64, angles_rad: F64, max_range_m: float, time_s: float = 0.0) -> F32:
     """(N, 3) sensor poses, (K,) angles -> (N, K) ranges. 0 inside an obstacle, max_range_m when nothing is hit."""
 
-def clearance(world: World, poses: F64, radius_m: float, footprint: F64, limit_m: float, time_s: float = 0.0) -> F64:
+def clearance(
+    world: World, poses: F64, radius_m: float, footprint: F64, limit_m: float, time_s: float = 0.0
+) -> F64:
     """(N, 3) robot poses -> (N,) distance from the footprint's edge to the nearest obstacle, at most limit_m;
     0 or less when they overlap. footprint (V, 2) convex polygon, or (0, 2) for the disc of radius_m."""
 
 def clearance_field(
-    world: World, origin_x_m: float, origin_y_m: float, width: int, height: int, resolution_m: float, limit_m: float
+    world: World,
+    origin_x_m: float,
+    origin_y_m: float,
+    width: int,
+    height: int,
+    resolution_m: float,
+    limit_m: float,
 ) -> F32:
     """(height, width) distance from each cell's centre to the nearest static obstacle, at most limit_m."""
 
@@ -84,6 +92,7 @@ class Robot:
 
 class DwaConfig:
     """Horizon and weights of the dynamic window approach; see dwa.hpp for their meaning."""
+
     horizon_s: float
     margin_m: float
     comfort_m: float
@@ -105,7 +114,12 @@ class BatchSim:
     least_clearance (N), waypoint (N, 2), route_left (N), time (N), travelled (N), reached (N) u8, collided (N) u8,
     memory (N, MEMORY_SIZE). All that changes is in them: copied and put back, they continue to the same bytes."""
     def __init__(
-        self, num_envs: int, num_threads: int, robot: Robot, config: SimConfig, buffers: dict[str, NDArray[Any]]
+        self,
+        num_envs: int,
+        num_threads: int,
+        robot: Robot,
+        config: SimConfig,
+        buffers: dict[str, NDArray[Any]],
     ) -> None: ...
     @property
     def num_threads(self) -> int: ...

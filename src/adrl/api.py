@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import Any
 
 from adrl import files
+from adrl.agents.config import TrainConfig
 from adrl.baselines.planner import AStarDwaPolicy
 from adrl.deploy.policy import MlpPolicy, load_policy
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.results import RunMeta, Summary, summarise, write_episodes
 from adrl.evaluation.rollout import PrivilegedPolicy, Rollout, rollout
 from adrl.observation import EncoderConfig
-from adrl.types import Policy, RobotConfig, Scenario, Task
 from adrl.runs import RunConfig, train
-from adrl.agents.config import TrainConfig
+from adrl.types import Policy, RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, robot_from_fields, task_set
 
 __all__ = ["Evaluation", "RunConfig", "TrainConfig", "evaluate", "load_policy", "train"]
@@ -125,7 +125,13 @@ def _driver(
         "env_steps": extra.get("env_steps"),
         "gradient_updates": extra.get("gradient_updates"),
     }
-    return policy, about, EncoderConfig(**config.encoder), named or trained_on
+    try:
+        encoder = EncoderConfig(**config.encoder)
+    except TypeError as error:
+        raise CheckpointError(
+            f"policy {about['policy']!r}: bad encoder in config.json ({error}); restore the file"
+        ) from None
+    return policy, about, encoder, named or trained_on
 
 
 def robot_of(policy: str | Path) -> str | RobotConfig:

@@ -44,7 +44,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"adrl: error: {error.strerror or error}: {error.filename or ''}".rstrip(": "), file=sys.stderr)
         return 2
     except KeyboardInterrupt:
-        print("adrl: stopped; a training run goes on from its newest checkpoint with --resume", file=sys.stderr)
+        print(
+            "adrl: stopped; a training run goes on from its newest checkpoint with --resume", file=sys.stderr
+        )
         return 1
 
 

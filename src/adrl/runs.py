@@ -89,12 +89,16 @@ def train(
     """
     start_time_s = time.monotonic() if start_time_s is None else start_time_s
     if config.learner.steps is None and config.learner.max_seconds is None:
-        raise ConfigError("a run needs an end; give --steps (environment steps) or --max-seconds (wall clock)")
+        raise ConfigError(
+            "a run needs an end; give --steps (environment steps) or --max-seconds (wall clock)"
+        )
     scenario, robot = config.load(), load_robot(config.robot)
     learner = with_horizon_of(method_config(config.method, config.learner), robot)
     out = run_folder(config, scenario)
     if (out / "policy.safetensors").exists() and not config.resume:
-        raise ConfigError(f"{out} holds a finished run; give another --out, or --resume to train it for longer")
+        raise ConfigError(
+            f"{out} holds a finished run; give another --out, or --resume to train it for longer"
+        )
     resumed = checkpoint.exists(out)
     if resumed and not config.resume:
         raise ConfigError(f"{out} holds an unfinished run; give --resume to go on with it, or another --out")
@@ -109,7 +113,9 @@ def train(
     )
     env = make_env(config.num_envs, randomize=config.randomize, seed=learner.seed)
     demonstrations = None if config.method in WITHOUT_DEMONSTRATIONS else _demonstrations(config, env)
-    probe = record_probe(make_env(PROBE_STARTS, randomize=False), seed=learner.seed) if demonstrations else None
+    probe = (
+        record_probe(make_env(PROBE_STARTS, randomize=False), seed=learner.seed) if demonstrations else None
+    )
     out.mkdir(parents=True, exist_ok=True)
     if not resumed:
         files.write_json(out / "versions.json", versions())
@@ -166,7 +172,11 @@ def _policy_config(config: RunConfig, robot: RobotConfig, scenario: Scenario, ou
         encoder=asdict(config.encoder),
         guidance=config.guidance,
         method=config.method,
-        extra={"run": out.name, "scenario": scenario.name, "settings": json.loads(json.dumps(run, default=str))},
+        extra={
+            "run": out.name,
+            "scenario": scenario.name,
+            "settings": json.loads(json.dumps(run, default=str)),
+        },
     )
 
 

@@ -52,7 +52,9 @@ class LidarConfig:
     def __post_init__(self) -> None:
         _require(1 <= self.num_beams <= 2048, f"lidar.num_beams is {self.num_beams}; give 1 to 2048")
         _finite(self, "fov_rad", "max_range_m", "noise_std_m", "mount_x_m", "mount_y_m", "mount_yaw_rad")
-        _require(0.0 < self.fov_rad <= 2.0 * math.pi + 1e-9, f"lidar.fov_rad is {self.fov_rad}; give (0, 2 pi]")
+        _require(
+            0.0 < self.fov_rad <= 2.0 * math.pi + 1e-9, f"lidar.fov_rad is {self.fov_rad}; give (0, 2 pi]"
+        )
         _require(self.max_range_m > 0.0, f"lidar.max_range_m is {self.max_range_m}; give a positive range")
         _require(self.noise_std_m >= 0.0, f"lidar.noise_std_m is {self.noise_std_m}; give 0 or more")
         _require(
@@ -133,9 +135,13 @@ class RobotConfig:
             )
         for name in ("lag_s", "latency_s", "odometry_drift"):
             _require(
-                getattr(self, name) >= 0.0, f"robot {self.name!r}: {name} is {getattr(self, name)}; give 0 or more"
+                getattr(self, name) >= 0.0,
+                f"robot {self.name!r}: {name} is {getattr(self, name)}; give 0 or more",
             )
-        _require(self.min_speed_mps <= 0.0, f"robot {self.name!r}: min_speed_mps is {self.min_speed_mps}; give <= 0")
+        _require(
+            self.min_speed_mps <= 0.0,
+            f"robot {self.name!r}: min_speed_mps is {self.min_speed_mps}; give <= 0",
+        )
         longest = (_core.MAX_LATENCY_PERIODS - 1) * self.control_period_s
         _require(
             self.latency_s <= longest,
@@ -144,7 +150,10 @@ class RobotConfig:
         )
         if self.radius_m is not None:
             _finite(self, "radius_m")
-            _require(self.radius_m > 0.0, f"robot {self.name!r}: radius_m is {self.radius_m}; give a positive radius")
+            _require(
+                self.radius_m > 0.0,
+                f"robot {self.name!r}: radius_m is {self.radius_m}; give a positive radius",
+            )
         else:
             _check_convex_ccw(self.name, self.polygon)
 
@@ -172,7 +181,9 @@ class RobotConfig:
     @property
     def circumscribed_radius_m(self) -> float:
         """Radius of the smallest disc about the robot's origin that holds the footprint."""
-        return self.radius_m if self.radius_m is not None else float(np.linalg.norm(self.polygon, axis=1).max())
+        return (
+            self.radius_m if self.radius_m is not None else float(np.linalg.norm(self.polygon, axis=1).max())
+        )
 
 
 def _check_convex_ccw(name: str, corners: Array) -> None:

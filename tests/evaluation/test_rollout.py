@@ -22,14 +22,14 @@ class Forward:
     """Full speed ahead."""
 
     def act(self, observation):
-        return np.tile(np.float32([1.0, 0.0]), (len(observation), 1))
+        return np.tile(np.array([1.0, 0.0], dtype=np.float32), (len(observation), 1))
 
 
 class Still:
     """Stands."""
 
     def act(self, observation):
-        return np.tile(np.float32([-1.0, 0.0]), (len(observation), 1))
+        return np.tile(np.array([-1.0, 0.0], dtype=np.float32), (len(observation), 1))
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +58,12 @@ def test_a_straight_drive_is_measured_by_hand():
 def test_driving_into_a_wall_and_standing_end_as_they_should():
     behind = straight(7.0, circles=np.array([[4.0, 3.7, 0.5]]))
     hit = rollout(Forward(), [behind], ROBOT).episodes
-    assert hit.collision[0] and hit.least_clearance_m[0] <= 0.0
+    assert hit.collision[0]
+    assert hit.least_clearance_m[0] <= 0.0
     assert hit.distance_m[0] == pytest.approx(4.0 - 1.0 - math.sqrt(0.7**2 - 0.3**2), abs=2e-3)
     stood = rollout(Still(), [straight(5.0)], ROBOT).episodes
-    assert stood.timeout[0] and stood.distance_m[0] == 0.0
+    assert stood.timeout[0]
+    assert stood.distance_m[0] == 0.0
     assert stood.time_s[0] == pytest.approx(straight(5.0).time_limit_s, abs=0.1)
 
 
@@ -78,7 +80,9 @@ def test_the_planner_reaches_its_goals(tasks):
 
 def test_an_evaluation_repeats_and_its_seed_changes_noise_only(tasks):
     def run(seed: int, threads: int = 1):
-        return rollout(AStarDwaPolicy(), tasks, ROBOT, guidance="map", seed=seed, num_threads=threads).episodes
+        return rollout(
+            AStarDwaPolicy(), tasks, ROBOT, guidance="map", seed=seed, num_threads=threads
+        ).episodes
 
     first, again, other = run(0), run(0, threads=3), run(1)
     assert first.to_table().equals(again.to_table())

@@ -18,7 +18,9 @@ from adrl.worlds.map_scenario import MapScenario
 QUERIES = 50
 
 
-def bench_dwa(*, num_envs: int = 512, num_threads: int = 0, seconds: float = 1.0, rounds: int = 5) -> dict[str, Any]:
+def bench_dwa(
+    *, num_envs: int = 512, num_threads: int = 0, seconds: float = 1.0, rounds: int = 5
+) -> dict[str, Any]:
     """A*+DWA decisions a second on `complex`, robots under way."""
     if num_envs < 1:
         raise ConfigError(f"envs is {num_envs}; give 1 or more")
@@ -66,7 +68,9 @@ def bench_map(path: Path, *, rounds: int = 3) -> dict[str, Any]:
 
 
 def _plan(grid: OccupancyGrid, robot: RobotConfig, task: Task) -> None:
-    blocked = (_core.distance_field(grid.solid, grid.resolution_m) <= robot.circumscribed_radius_m).astype(np.uint8)
+    blocked = (_core.distance_field(grid.solid, grid.resolution_m) <= robot.circumscribed_radius_m).astype(
+        np.uint8
+    )
     start, goal = (
         (int((y - grid.origin[1]) / grid.resolution_m), int((x - grid.origin[0]) / grid.resolution_m))
         for x, y in (task.start[:2], task.goal)

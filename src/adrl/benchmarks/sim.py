@@ -106,7 +106,12 @@ def _task(rng: np.random.Generator, num_obstacles: int) -> Task:
 
 def _peer_row(runs: list[dict[str, Any]], ours: float) -> dict[str, Any]:
     rate = statistics.median(run["steps_per_second"] for run in runs)
-    return {"name": runs[0]["name"], "version": runs[0]["version"], "steps_per_second": rate, "ratio": ours / rate}
+    return {
+        "name": runs[0]["name"],
+        "version": runs[0]["version"],
+        "steps_per_second": rate,
+        "ratio": ours / rate,
+    }
 
 
 # Runs in the peer's interpreter, which knows nothing of ADRL. Reads the world as JSON, answers in JSON.
@@ -171,5 +176,7 @@ def _peer(python: str, num_beams: int, num_obstacles: int, seconds: float) -> di
     answers = [line for line in ran.stdout.splitlines() if line.startswith("ADRL ")]
     if ran.returncode != 0 or not answers:
         reason = (ran.stderr.strip().splitlines() or ["no output"])[-1]
-        raise ConfigError(f"--peer-python {python}: could not run irsim: {reason}; install ir-sim or irsim-x there")
+        raise ConfigError(
+            f"--peer-python {python}: could not run irsim: {reason}; install ir-sim or irsim-x there"
+        )
     return json.loads(answers[-1].removeprefix("ADRL "))

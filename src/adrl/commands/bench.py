@@ -99,7 +99,9 @@ def _sim(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
 
 
 def _plan(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
-    options = parse(PlanOptions, arguments, "bench plan", "A*+DWA decisions a second, and planning across a map.")
+    options = parse(
+        PlanOptions, arguments, "bench plan", "A*+DWA decisions a second, and planning across a map."
+    )
     require_file("--json", options.json)
     results = bench_dwa(
         num_envs=options.envs, num_threads=options.threads, seconds=options.seconds, rounds=options.rounds

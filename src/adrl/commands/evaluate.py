@@ -46,7 +46,9 @@ class EvaluateOptions(Place):
 
 def main(arguments: Sequence[str]) -> int:
     """Evaluate and print a table."""
-    options = parse(EvaluateOptions, arguments, "evaluate", "Drive a policy on fixed tasks and report how it did.")
+    options = parse(
+        EvaluateOptions, arguments, "evaluate", "Drive a policy on fixed tasks and report how it did."
+    )
     require_folder("--out", options.out)
     require_file("--json", options.json)
     with progress_bar(f"evaluating {options.policy}") as (bar, task):
@@ -82,6 +84,8 @@ def _own_task(options: EvaluateOptions) -> list[Task] | None:
         raise ConfigError("--start and --goal go together")
     place = options.load()
     if not isinstance(place, FixedWorld):
-        raise ConfigError(f"--start and --goal need --map or --world; scenario {place.name!r} has many worlds")
+        raise ConfigError(
+            f"--start and --goal need --map or --world; scenario {place.name!r} has many worlds"
+        )
     robot = load_robot(options.robot or api.robot_of(options.policy))
     return [single_task(place.world, options.start, options.goal, robot)]

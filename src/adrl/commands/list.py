@@ -20,7 +20,9 @@ def main(arguments: Sequence[str]) -> int:
     parse(ListOptions, arguments, "list", "List robots, scenarios, methods, guidance and policies.")
     print("robots:")
     for name, robot in ROBOTS.items():
-        shape = f"disc of {robot.radius_m} m" if robot.radius_m is not None else f"{len(robot.polygon)} corners"
+        shape = (
+            f"disc of {robot.radius_m} m" if robot.radius_m is not None else f"{len(robot.polygon)} corners"
+        )
         lidar = robot.lidar
         print(
             f"  {name:<20} {shape}, {robot.max_speed_mps} m/s, {robot.max_yaw_rate_radps} rad/s, "

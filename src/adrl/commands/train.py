@@ -16,7 +16,9 @@ REDRAW_S = 0.1
 
 def main(arguments: Sequence[str]) -> int:
     """Train a policy and say where it is."""
-    config = parse(RunConfig, arguments, "train", "Train a policy. Distances in m, times in s, angles in rad.")
+    config = parse(
+        RunConfig, arguments, "train", "Train a policy. Distances in m, times in s, angles in rad."
+    )
     require_folder("--out", config.out)
     last_drawn = 0.0
     with progress_bar(f"{config.method} on {config.load().name}") as (bar, task):

@@ -72,7 +72,9 @@ def rollout(
         numbers = first_task + first + np.arange(len(chunk))
         rng = np.random.default_rng((seed, first_task + first))
         # The noise of a task depends on the evaluation's seed and the task's number alone.
-        seeds = np.array([np.random.SeedSequence((seed, int(n))).generate_state(1, np.uint64)[0] for n in numbers])
+        seeds = np.array(
+            [np.random.SeedSequence((seed, int(n))).generate_state(1, np.uint64)[0] for n in numbers]
+        )
         sim.reset(np.arange(len(chunk)), chunk, seeds, rng)
         keep = max(0, min(record - first, len(chunk)))
 
