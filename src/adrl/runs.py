@@ -173,6 +173,12 @@ def _policy_config(config: RunConfig, robot: RobotConfig, scenario: Scenario, ou
         guidance=config.guidance,
         method=config.method,
         extra={
+            "environment": {
+                "scenario": scenario.name,
+                "num_envs": config.num_envs,
+                "task_pool": config.task_pool,
+                "randomize": config.randomize,
+            },
             "run": out.name,
             "scenario": scenario.name,
             "settings": json.loads(json.dumps(run, default=str)),

@@ -126,6 +126,7 @@ def test_a_footprint_within_an_obstacle_overlaps_it(pose: Pose, half: float):
             assert clearance(world, pose, 0.5, footprint) <= 0.0
 
 
+@settings(max_examples=60)
 @given(worlds(), poses, footprints, poses)
 def test_moving_world_and_robot_together_changes_nothing(
     world: World, pose: Pose, footprint: Array, by: Pose
@@ -138,6 +139,7 @@ def test_moving_world_and_robot_together_changes_nothing(
     )
 
 
+@settings(max_examples=60)
 @given(worlds(), poses, footprints)
 def test_mirrored_world_mirrored_robot(world: World, pose: Pose, footprint: Array):
     there = (pose[0], -pose[1], -pose[2])
@@ -146,6 +148,7 @@ def test_mirrored_world_mirrored_robot(world: World, pose: Pose, footprint: Arra
     assert_allclose(max(clearance(mirrored(world), there, RADIUS_M, flipped), 0.0), max(here, 0.0), atol=1e-9)
 
 
+@settings(max_examples=60)
 @given(worlds(), poses, footprints, poses)
 def test_a_robot_that_moves_by_a_metre_gains_at_most_a_metre(
     world: World, pose: Pose, footprint: Array, by: Pose
@@ -161,6 +164,7 @@ def test_a_robot_that_moves_by_a_metre_gains_at_most_a_metre(
 # --- the same geometry as the LiDAR's -----------------------------------------------------------
 
 
+@settings(max_examples=60)
 @given(worlds(), poses, st.floats(0.0, 9.0))
 def test_no_beam_is_shorter_than_clearance_and_radius(world: World, pose: Pose, time_s: float):
     """Seen from a disc's centre, what is at range r is r - radius away: nothing is nearer."""

@@ -120,7 +120,7 @@ def test_a_corner_that_sweeps_round_hits_what_a_disc_would_turn_past(w: float):
     assert_allclose(disc.b["time"], 2.0)
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(worlds(), poses, st.booleans(), st.floats(-FAST_MPS, FAST_MPS), st.integers(-300, 300))
 def test_no_arc_passes_through_anything(world: World, pose: Pose, polygon: bool, v: float, turn: int):
     """Until the robot stops, a footprint 1.5 mm smaller is free; in contact, the true one is not."""

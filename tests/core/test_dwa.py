@@ -25,6 +25,7 @@ ALL_ROBOTS = ROBOTS | {"very sluggish": VERY_SLUGGISH}
 # --- what may be commanded ----------------------------------------------------------------------
 
 
+@settings(max_examples=60)
 @given(
     worlds(),
     st.sampled_from(sorted(ALL_ROBOTS)),
@@ -247,7 +248,7 @@ def test_moving_discs_hit_only_robots_that_braking_would_not_have_saved(discs: i
     assert avoidable <= 0.02 * len(tasks)
 
 
-@settings(max_examples=20)
+@settings(max_examples=8)
 @given(st.integers(0, 2**32 - 1))
 def test_the_same_state_gives_the_same_command(seed: int):
     tasks = routes(ROBOTS["diffbot"], 2, seed=seed, discs=2)

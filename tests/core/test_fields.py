@@ -89,6 +89,7 @@ def test_a_field_of_clearances_is_the_twins(
             assert_allclose(field[row, column], max(expected, 0.0), atol=1e-6)
 
 
+@settings(max_examples=50)
 @given(worlds(), st.floats(0.05, 2.0))
 def test_a_field_agrees_with_the_clearance_kernel_all_over_the_world(world: World, limit_m: float):
     still = World(

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -131,6 +131,7 @@ BASES = {
 
 
 @pytest.mark.parametrize("base", BASES)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), start=poses)
 def test_the_base_is_its_twin(base: str, seed: int, start: Pose):
     commands = some_commands(seed)

@@ -83,6 +83,7 @@ def test_moving_discs(discs: Array, pose: Pose, time_s: float):
     assert_scan_is_the_twins(world, pose, time_s=time_s)
 
 
+@settings(max_examples=70)
 @given(grids(), poses)
 def test_bitmaps_at_any_origin_and_yaw(grid: OccupancyGrid, pose: Pose):
     world = World(bounds=BOUNDS, grid=grid)
@@ -144,6 +145,7 @@ def test_a_sensor_inside_an_obstacle_reads_zero(world: World):
     assert_array_equal(scan(around, (0.0, 0.0, 0.0), np.array([0.3])), 0.0)
 
 
+@settings(max_examples=40)
 @given(worlds(), st.lists(poses, min_size=1, max_size=4), st.integers(0, 9))
 def test_every_pose_and_beam_is_alone(world: World, sensors: list[Pose], count: int):
     angles = np.linspace(-2.0, 1.5, count)

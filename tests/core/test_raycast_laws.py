@@ -69,6 +69,7 @@ def test_turning_the_sensor_is_turning_the_beams(seed: int, pose: Pose, turn: fl
     assert_same_but_for_grazing(scan(world, pose, BEAMS + turn), scan(world, (*pose[:2], pose[2] + turn)))
 
 
+@settings(max_examples=50)
 @given(seeds, poses, circles, st.lists(polygons, max_size=2), segments, discs)
 def test_one_more_obstacle_never_lengthens_a_beam(
     seed, pose, more_circles, more_polygons, more_segments, more_discs

@@ -40,7 +40,7 @@ def assert_equal_bytes(one: Array, other: Array) -> None:
     assert_array_equal(one.view(np.uint32), other.view(np.uint32))
 
 
-@settings(max_examples=150)
+@settings(max_examples=100)
 @given(worlds(), poses, st.one_of(st.integers(1, 40), st.just(2048)), st.floats(0.01, 2.0 * math.pi))
 def test_even_beams_give_the_bytes_of_any_beams(world: World, pose: Pose, beams: int, fov_rad: float):
     for fov in (fov_rad, 2.0 * math.pi):
@@ -48,6 +48,7 @@ def test_even_beams_give_the_bytes_of_any_beams(world: World, pose: Pose, beams:
         assert_equal_bytes(scan(world, pose, lidar), general(world, pose, lidar))
 
 
+@settings(max_examples=70)
 @given(worlds(), poses, st.integers(2, 40), st.floats(-20.0, 20.0), st.floats(-0.3, 0.3))
 def test_even_beams_from_any_first_angle(
     world: World, pose: Pose, beams: int, first: float, increment: float
@@ -66,6 +67,7 @@ def test_even_beams_from_any_first_angle(
     )
 
 
+@settings(max_examples=40)
 @given(worlds(), poses, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-4.0, 4.0), st.floats(0.5, 6.0))
 def test_the_mount_is_a_pose_on_the_robot(
     world: World, pose: Pose, x: float, y: float, yaw: float, range_m: float

@@ -11,11 +11,13 @@ Everything random comes from one numpy generator, so a run of --steps that was k
 bytes.
 """
 
+import json
 import shutil
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -224,6 +226,13 @@ class _Run:
         policy.save(self.out)
         return TrainResult(policy, self.out, self._env_steps, updates, episodes, seconds)
 
+    def _identity(self) -> dict[str, Any]:
+        """What a resumed run must share with the one it goes on with, as JSON gives it back."""
+        policy = self._policy_config
+        about = {"robot": policy.robot, "encoder": policy.encoder, "guidance": policy.guidance}
+        about |= {"method": policy.method, "environment": policy.extra.get("environment")}
+        return json.loads(json.dumps(self.config.comparable() | about))
+
     def close(self) -> None:
         """Close the log."""
         if self._log is not None:
@@ -232,7 +241,7 @@ class _Run:
     def _save(self) -> None:
         assert self._log is not None
         state = {
-            "config": self.config.comparable(),
+            "config": self._identity(),
             "rng": self._rng.bit_generator.state,
             "learner": self.learner.numbers(),
             "tally": self._tally.state(),
@@ -254,7 +263,7 @@ class _Run:
     def _restore(self, saved: checkpoint.Checkpoint) -> None:
         state = saved.state
         try:
-            checkpoint.require_same(saved.path, state["config"], self.config.comparable())
+            checkpoint.require_same(saved.path, state["config"], self._identity())
             self.learner.restore(saved.part("learner"), state["learner"])
             self.learner.replay.set_state(saved.part("replay"))
             self.env.set_state(saved.part("env"))
