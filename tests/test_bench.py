@@ -12,6 +12,7 @@ import pytest
 from adrl.benchmarks.plan import bench_dwa, bench_map
 from adrl.benchmarks.sim import bench_sim
 from adrl.benchmarks.timing import median_seconds, rate_per_second
+from adrl.commands.bench import _gather
 from adrl.errors import ConfigError
 from map_files import write_map
 from small_run import run_cli
@@ -77,3 +78,9 @@ def test_a_round_needs_a_length(seconds: float) -> None:
         bench_sim(num_envs=4, seconds=seconds)
     with pytest.raises(ConfigError, match="seconds"):
         bench_dwa(num_envs=4, seconds=seconds)
+
+
+def test_a_repeated_option_keeps_all_its_values():
+    given = ["--envs", "8", "--peer-python", "a", "--seconds", "0.1", "--peer-python=b", "--peer-python", "c", "d"]
+    assert _gather(given, "--peer-python") == ["--envs", "8", "--seconds", "0.1", "--peer-python", "a", "b", "c", "d"]
+    assert _gather(["--envs", "8"], "--peer-python") == ["--envs", "8"]

@@ -83,7 +83,24 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
+def _gather(arguments: Sequence[str], option: str) -> list[str]:
+    """The arguments with all values of a repeated option behind one: --x A --x B is --x A B."""
+    rest: list[str] = []
+    values: list[str] = []
+    taking = False
+    for argument in arguments:
+        if argument.startswith("-"):
+            name, equals, value = argument.partition("=")
+            taking = name == option and not equals
+            if name == option:
+                values += [value] if equals else []
+                continue
+        (values if taking else rest).append(argument)
+    return [*rest, option, *values] if values else rest
+
+
 def _sim(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
+    arguments = _gather(arguments, "--peer-python")
     options = parse(SimOptions, arguments, "bench sim", "Environment steps a second.")
     require_file("--json", options.json)
     results = bench_sim(
