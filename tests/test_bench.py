@@ -81,6 +81,27 @@ def test_a_round_needs_a_length(seconds: float) -> None:
 
 
 def test_a_repeated_option_keeps_all_its_values():
-    given = ["--envs", "8", "--peer-python", "a", "--seconds", "0.1", "--peer-python=b", "--peer-python", "c", "d"]
-    assert _gather(given, "--peer-python") == ["--envs", "8", "--seconds", "0.1", "--peer-python", "a", "b", "c", "d"]
+    given = [
+        "--envs",
+        "8",
+        "--peer-python",
+        "a",
+        "--seconds",
+        "0.1",
+        "--peer-python=b",
+        "--peer-python",
+        "c",
+        "d",
+    ]
+    assert _gather(given, "--peer-python") == [
+        "--envs",
+        "8",
+        "--seconds",
+        "0.1",
+        "--peer-python",
+        "a",
+        "b",
+        "c",
+        "d",
+    ]
     assert _gather(["--envs", "8"], "--peer-python") == ["--envs", "8"]
