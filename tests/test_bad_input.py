@@ -186,7 +186,7 @@ class TestPlaces:
         self.refused(adrl, "empty.world", option="--world", file="empty.world")
 
     def test_map_and_world_together(self, adrl: Adrl) -> None:
-        message = ("map", "world", "not both")
+        message = ("map", "world", "give one of")
         adrl.refuses(
             "evaluate", "--policy", "astar-dwa", "--map", "a.yaml", "--world", "b.world", says=message
         )
@@ -419,3 +419,12 @@ class TestOutputs:
 def test_peer_that_cannot_run(adrl: Adrl, peer: str) -> None:
     sizes = ("--envs", 4, "--beams", 8, "--seconds", 0.01, "--rounds", 1, "--json", "sim.json")
     adrl.refuses("bench", "sim", *sizes, "--peer-python", peer, says=("--peer-python", peer))
+
+
+def test_a_discount_under_which_crashing_pays_is_refused(capsys):
+    assert run_cli("train", "--steps", 64, "--td3.gamma", 0.99) == 2
+    assert "failure_weight above 1.65" in capsys.readouterr().err
+    assert run_cli("train", "--steps", 64, "--scenario", "clutter", "--map", "x.yaml") == 2
+    assert "give one of scenario, map and world" in capsys.readouterr().err
+    assert run_cli("train", "--steps", 64, "--method", "td3", "--dataset", "x") == 2
+    assert "leave out dataset" in capsys.readouterr().err

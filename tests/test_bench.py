@@ -105,3 +105,10 @@ def test_a_repeated_option_keeps_all_its_values():
         "d",
     ]
     assert _gather(["--envs", "8"], "--peer-python") == ["--envs", "8"]
+
+
+def test_a_dash_for_json_prints_and_writes_no_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run_cli("bench", "sim", "--envs", 2, "--seconds", 0.01, "--rounds", 1, "--json", "-") == 0
+    assert json.loads(capsys.readouterr().out)["envs"] == 2
+    assert list(tmp_path.iterdir()) == []

@@ -147,6 +147,7 @@ std::shared_ptr<World> make_world(const In<double, Rows3> &circles, const In<dou
 void bind_batch_sim(nb::module_ &m);
 
 NB_MODULE(_core, m) {
+    nb::set_leak_warnings(false); // robots in module globals outlive the interpreter; nothing is lost
     m.doc() = "Kernels of ADRL: ray casting, kinematics, collision, planning and the batch simulator.";
     nb::class_<World>(m, "World")
         .def(nb::new_(&make_world), nb::arg("circles").noconvert(), nb::arg("polygon_corners").noconvert(),

@@ -13,7 +13,7 @@ from adrl.deploy.policy import MlpPolicy, load_policy
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.results import RunMeta, Summary, summarise, write_episodes
 from adrl.evaluation.rollout import PrivilegedPolicy, Rollout, rollout
-from adrl.observation import EncoderConfig
+from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.runs import RunConfig, train
 from adrl.types import Policy, RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, robot_from_fields, task_set
@@ -22,6 +22,8 @@ __all__ = ["Evaluation", "RunConfig", "TrainConfig", "evaluate", "load_policy", 
 
 PLANNER = "astar-dwa"
 DEFAULT = "default"
+OWN_TASKS = "own"
+"""The split that a summary names when the tasks were the user's."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +41,7 @@ def default_policy_folder() -> Path:
 
 
 def resolve_policy(policy: str | Path) -> Path:
-    """Run folder of a policy: `default` is the shipped one. Raises CheckpointError naming the nearest run."""
+    """Run folder of a policy: `default` is the shipped one. Raises CheckpointError."""
     if str(policy) == DEFAULT:
         return default_policy_folder()
     folder = Path(policy)
@@ -81,7 +83,10 @@ def evaluate(
         policy = load_policy(resolve_policy(policy))
     place = get_scenario(scenario)
     driver, about, encoder, config = _driver(policy, robot, guidance)
-    tasks = task_set(place, config, split, episodes) if tasks is None else tasks
+    if tasks is None:
+        tasks = task_set(place, config, split, episodes)
+    else:
+        split = OWN_TASKS
     result = rollout(
         driver,
         tasks,
@@ -131,6 +136,12 @@ def _driver(
         raise CheckpointError(
             f"policy {about['policy']!r}: bad encoder in config.json ({error}); restore the file"
         ) from None
+    size = ObservationEncoder(trained_on, encoder).size
+    if size != config.input_size:
+        raise CheckpointError(
+            f"policy {about['policy']!r}: config.json has an encoder of {size} numbers and weights for "
+            f"{config.input_size}; restore the file"
+        )
     return policy, about, encoder, named or trained_on
 
 

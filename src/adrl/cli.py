@@ -19,6 +19,10 @@ COMMANDS = {
 }
 
 
+BAD_PATHS = (FileNotFoundError, FileExistsError, PermissionError, NotADirectoryError, IsADirectoryError)
+"""Errors of the system that an option caused; others, such as a full disk, are failures."""
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command. Exit codes: 0 good, 1 failed, 2 bad input."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
@@ -42,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 2
     except OSError as error:
         print(f"adrl: error: {error.strerror or error}: {error.filename or ''}".rstrip(": "), file=sys.stderr)
-        return 2
+        return 2 if isinstance(error, BAD_PATHS) else 1
     except KeyboardInterrupt:
         print(
             "adrl: stopped; a training run goes on from its newest checkpoint with --resume", file=sys.stderr

@@ -29,7 +29,7 @@ def main() -> int:
         "ADRL": api.evaluate(RUN, record=ROUTES, out=RUN / "evaluation"),
         "A*+DWA": api.evaluate(api.PLANNER, record=ROUTES, out=RUN / "astar-dwa"),
     }
-    console().print(comparison_table([result.summary for result in results.values()]))
+    console().print(comparison_table([result.summary | {"policy": name} for name, result in results.items()]))
     routes(panels(results), RUN / "routes.png")
     learning_curve({"ADRL": RUN / "metrics.jsonl"}, RUN / "learning_curve.png")
     print(f"pictures: {RUN / 'routes.png'}, {RUN / 'learning_curve.png'}")

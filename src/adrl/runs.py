@@ -22,8 +22,9 @@ from adrl.errors import ConfigError, UnknownName
 from adrl.evaluation.metrics import success_rate
 from adrl.evaluation.rollout import rollout
 from adrl.imitation import Demonstrations, Source, collect, load_minari
-from adrl.imitation.probe import record_probe
+from adrl.imitation.probe import Probe, probe_steps, record_probe
 from adrl.observation import EncoderConfig
+from adrl.rewards.config import STANDING_AT_WORST
 from adrl.rewards.terms import reference_period_s
 from adrl.types import RobotConfig, Scenario
 from adrl.worlds import load_robot, task_set
@@ -33,7 +34,7 @@ if TYPE_CHECKING:
     from adrl.agents.train import Progress, TrainResult
 
 PROBE_STARTS = 128
-VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "optax", "gymnasium", "safetensors")
+VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "gymnasium", "safetensors")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +50,7 @@ class RunConfig(Place):
     out: Path | None = None
     """Run folder; runs/METHOD-SCENARIO-sSEED when left out."""
     resume: bool = False
-    """Go on from the newest checkpoint in the run folder."""
+    """Go on from the newest checkpoint in the run folder; give the same options again."""
     num_envs: int = 64
     """Robots simulated side by side."""
     task_pool: int = 512
@@ -72,8 +73,21 @@ class RunConfig(Place):
         for name in ("num_envs", "task_pool", "validation_episodes"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} is {getattr(self, name)}; give 1 or more")
+        self._check_horizon()
+        if self.dataset is not None and self.method in WITHOUT_DEMONSTRATIONS:
+            raise ConfigError(f"method {self.method!r} learns without demonstrations; leave out dataset")
         if self.demonstration_steps < 0:
             raise ConfigError(f"demonstration_steps is {self.demonstration_steps}; give 0 or more")
+
+    def _check_horizon(self) -> None:
+        """A crash must stay worse than standing for ever, or the policy learns to crash."""
+        gamma, reward = self.learner.td3.gamma, self.learner.reward
+        standing = STANDING_AT_WORST / max(1.0 - gamma, 1e-9)
+        if standing >= reward.failure_weight * reward.failure_penalty:
+            raise ConfigError(
+                f"td3.gamma is {gamma}: standing in the worst place for ever costs {standing:.0f}, no less than "
+                f"a crash; give a smaller gamma, or reward.failure_weight above {standing / reward.failure_penalty:.2f}"
+            )
 
 
 def train(
@@ -113,9 +127,7 @@ def train(
     )
     env = make_env(config.num_envs, randomize=config.randomize, seed=learner.seed)
     demonstrations = None if config.method in WITHOUT_DEMONSTRATIONS else _demonstrations(config, env)
-    probe = (
-        record_probe(make_env(PROBE_STARTS, randomize=False), seed=learner.seed) if demonstrations else None
-    )
+    probe = _probe(make_env(PROBE_STARTS, randomize=False), learner) if demonstrations else None
     out.mkdir(parents=True, exist_ok=True)
     if not resumed:
         files.write_json(out / "versions.json", versions())
@@ -140,6 +152,10 @@ def with_horizon_of(learner: TrainConfig, robot: RobotConfig) -> TrainConfig:
     """The learner with gamma for the robot: control periods differ, and slow robots look ahead for longer."""
     gamma = learner.td3.gamma ** (robot.control_period_s / reference_period_s(robot.max_speed_mps))
     return replace(learner, td3=replace(learner.td3, gamma=gamma))
+
+
+def _probe(env: NavVectorEnv, learner: TrainConfig) -> Probe:
+    return record_probe(env, learner.seed, probe_steps(learner.td3.gamma))
 
 
 def run_folder(config: RunConfig, scenario: Scenario) -> Path:

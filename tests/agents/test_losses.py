@@ -145,8 +145,12 @@ def test_the_q_filter_clones_only_where_the_critic_prefers_the_expert():
     preferred = np.asarray(q_expert > q_actor)
     assert 0 < preferred.sum() < M
     error = np.square(np.asarray(action) - experts.action).sum(axis=-1)
-    got = losses.cloning_loss(state.actor, state.critics, experts, shape)
+    weights = Weights(np.float32(0.5), np.float32(0.3), np.float32(1.0))
+    got = losses.cloning_loss(state.actor, state.critics, experts, weights, shape)
     assert_allclose(got, (error * preferred).mean(), rtol=1e-5)
+    warming_up = weights._replace(q_weight=np.float32(0.0))
+    everything = losses.cloning_loss(state.actor, state.critics, experts, warming_up, shape)
+    assert_allclose(everything, error.mean(), rtol=1e-5)
 
 
 def test_one_call_of_many_updates_equals_many_calls_of_few():

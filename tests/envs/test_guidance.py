@@ -12,7 +12,7 @@ from adrl.envs import NavVectorEnv
 from adrl.envs.nav_sim import LOOKAHEAD_M
 from adrl.observation import to_action
 from adrl.rewards import REWARD_TERMS, RewardConfig, reward
-from adrl.rewards.terms import HEADING_DECAY, HEADING_GAIN_M
+from adrl.rewards.terms import HEADING_DECAY, HEADING_GAIN_M, reference_period_s
 from adrl.types import Array, RobotConfig, Task
 from adrl.worlds import ROBOTS, single_task
 from env_tasks import OneTask, quiet, room, straight_task, wrapped
@@ -112,7 +112,7 @@ def test_approach_rewards_of_a_drive_telescope(name: str, guidance: str, yaw: fl
     gained = sum(after - before for before, after in faced)
     if guidance == "goal":
         assert gained == pytest.approx(faced[-1][1] - faced[0][0])
-    step_m = robot.max_speed_mps * robot.control_period_s
+    step_m = robot.max_speed_mps * reference_period_s(robot.max_speed_mps)
     assert total == pytest.approx((distance[0] - distance[1] + gained) / step_m, rel=1e-5, abs=1e-4)
 
 

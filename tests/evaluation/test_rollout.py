@@ -1,6 +1,7 @@
 """Laws of the rollout: what an evaluation measures, and what its seed may change."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from numpy.testing import assert_array_equal
 
 from adrl.baselines.planner import AStarDwaPolicy
 from adrl.errors import TaskError
-from adrl.evaluation.metrics import success_rate
+from adrl.evaluation.metrics import Episodes, success_rate
 from adrl.evaluation.rollout import rollout
 from adrl.types import RobotConfig, Task, World
 from adrl.worlds import get_scenario, single_task, task_set
@@ -23,6 +24,14 @@ class Forward:
 
     def act(self, observation):
         return np.tile(np.array([1.0, 0.0], dtype=np.float32), (len(observation), 1))
+
+
+class ScanReader:
+    """Drives as the nearest sector says, so that every bit of noise shows in the route."""
+
+    def act(self, observation):
+        nearest = observation[:, :36].min(axis=1)
+        return np.stack([2.0 * nearest - 1.0, observation[:, 37]], axis=1).astype(np.float32)
 
 
 class Still:
@@ -78,22 +87,39 @@ def test_the_planner_reaches_its_goals(tasks):
         assert math.dist(route[-1], task.goal) < task.goal_tolerance_m
 
 
-def test_an_evaluation_repeats_and_its_seed_changes_noise_only(tasks):
-    def run(seed: int, threads: int = 1):
-        return rollout(
-            AStarDwaPolicy(), tasks, ROBOT, guidance="map", seed=seed, num_threads=threads
-        ).episodes
+DRIFTING = replace(ROBOT, odometry_drift=0.1)
 
-    first, again, other = run(0), run(0, threads=3), run(1)
+
+def drive(tasks: list[Task], *, seed: int = 0, threads: int = 1, first: int = 0) -> Episodes:
+    driven = rollout(ScanReader(), tasks, DRIFTING, seed=seed, num_threads=threads, first_task=first)
+    return driven.episodes
+
+
+def test_an_evaluation_repeats_and_its_seed_changes_noise_only(tasks):
+    first, again, other = drive(tasks), drive(tasks, threads=3), drive(tasks, seed=1)
     assert first.to_table().equals(again.to_table())
     assert_array_equal(first.start_xy_m, other.start_xy_m)
     assert_array_equal(first.goal_xy_m, other.goal_xy_m)
+    assert (first.final_pose != other.final_pose).any()
 
 
 def test_a_task_is_driven_the_same_alone_and_among_others(tasks):
-    together = rollout(AStarDwaPolicy(), tasks, ROBOT, guidance="map").episodes
-    alone = rollout(AStarDwaPolicy(), tasks[7:8], ROBOT, guidance="map", first_task=7).episodes
-    assert alone.to_table().equals(together.to_table().slice(7, 1))
+    alone = drive(tasks[7:8], first=7)
+    assert alone.to_table().equals(drive(tasks).to_table().slice(7, 1))
+
+
+def test_chunks_change_nothing(tasks, monkeypatch):
+    whole = rollout(ScanReader(), tasks, DRIFTING, record=7, num_threads=1)
+    monkeypatch.setattr("adrl.evaluation.rollout.CHUNK", 5)
+    told = []
+    parts = rollout(
+        ScanReader(), tasks, DRIFTING, record=7, num_threads=1, on_step=lambda *now: told.append(now)
+    )
+    assert parts.episodes.to_table().equals(whole.episodes.to_table())
+    for ours, theirs in zip(parts.routes, whole.routes, strict=True):
+        assert_array_equal(ours, theirs)
+    assert told[-1] == (24, 24)
+    assert [ended for ended, _ in told] == sorted(ended for ended, _ in told)
 
 
 def test_no_tasks_is_an_error():

@@ -27,7 +27,7 @@ def test_only_the_first_episode_counts():
 
 
 def test_both_policies_start_from_the_same_states():
-    probe = record_probe(Aim(50), seed=1)
+    probe = record_probe(Aim(50), seed=1, max_steps=250)
     x = probe.observation[:, 0]
     assert set(np.unique(x)) == {-1.0, 1.0}
     # Aim pays 1 to the expert of the very state it started in.

@@ -75,8 +75,10 @@ class Learner:
 
     @property
     def lambda_bc(self) -> float:
-        """lambda(t) (eq 5); 0 without demonstrations."""
-        return schedule.lambda_bc(self.maturity, self._config.schedule) if self.has_expert else 0.0
+        """Weight of cloning: lambda(t) (eq 5), 1 while the actor only clones, 0 without demonstrations."""
+        if not self.has_expert:
+            return 0.0
+        return 1.0 if self.clones_only else schedule.lambda_bc(self.maturity, self._config.schedule)
 
     @property
     def expert_rows(self) -> int:
@@ -88,18 +90,20 @@ class Learner:
         """Whether updates on demonstrations alone are still due."""
         return self.has_expert and self.pretrain_updates < self._config.pretrain_updates
 
+    @property
+    def clones_only(self) -> bool:
+        """Whether the actor only clones: in pretraining, and while the critics are still cold."""
+        warm = self.online_updates >= self._config.critic_warmup_updates
+        return self.has_expert and (self.pretraining or not warm)
+
     def update(self) -> None:
         """Sample and start updates_per_iteration updates; they run while the caller goes on."""
         config, updates = self._config, self._config.updates_per_iteration
         pretraining = self.pretraining
-        clone_only = pretraining or self.online_updates < config.critic_warmup_updates
         expert_rows = config.td3.batch_size if pretraining else self.expert_rows
         rows = self._sample(expert_rows, updates)
         labels = self._sample_labels(updates // config.td3.policy_delay)
-        if labels is not None and clone_only:
-            weights = Weights(self.maturity, lambda_bc=1.0, q_weight=0.0)
-        else:
-            weights = Weights(self.maturity, self.lambda_bc, q_weight=1.0)
+        weights = Weights(self.maturity, self.lambda_bc, q_weight=0.0 if self.clones_only else 1.0)
         weights = Weights(*(np.float32(w) for w in weights))
         self.state, self._actor, self._info = self._update(self.state, rows, labels, weights)
         if pretraining:

@@ -114,12 +114,15 @@ def actor_loss(
     if expert is None:
         return climb
     q_scale = jax.lax.stop_gradient(jnp.maximum(jnp.abs(q).mean(), shape.td3.q_scale_floor))
-    cloning = cloning_loss(actor, critics, expert, shape)
+    cloning = cloning_loss(actor, critics, expert, weights, shape)
     return weights.q_weight * climb + weights.lambda_bc * q_scale * cloning
 
 
-def cloning_loss(actor: Array, critics: Array, expert: ExpertBatch, shape: Shape) -> Array:
-    """E_D2[|pi(s) - a_e|^2], with q_filter over the rows where Q_1 prefers the expert's action."""
+def cloning_loss(actor: Array, critics: Array, expert: ExpertBatch, weights: Weights, shape: Shape) -> Array:
+    """E_D2[|pi(s) - a_e|^2]; with q_filter rows count 0 where Q_1 does not prefer the expert's action.
+
+    While the actor only clones (q_weight 0) the critics are not yet to be trusted, and nothing is filtered.
+    """
     action = networks.actor(actor, expert.observation, shape.actor)
     error = ((action - expert.action) ** 2).sum(axis=-1)
     if not shape.td3.q_filter:
@@ -127,5 +130,5 @@ def cloning_loss(actor: Array, critics: Array, expert: ExpertBatch, shape: Shape
     sizes, layer_norm = shape.critic, shape.td3.critic_layer_norm
     of_expert = networks.first_critic(critics, expert.observation, expert.action, sizes, layer_norm)
     of_actor = networks.first_critic(critics, expert.observation, action, sizes, layer_norm)
-    preferred = jax.lax.stop_gradient(of_expert > of_actor)
+    preferred = jax.lax.stop_gradient((of_expert > of_actor) | (weights.q_weight == 0.0))
     return (error * preferred).mean()

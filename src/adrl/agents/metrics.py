@@ -4,7 +4,7 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +74,7 @@ class EpisodeTally:
     finished: int = 0
     succeeded: int = 0
     return_sum: float = 0.0
-    total: int = field(default=0)
+    total: int = 0
     """Episodes since the start of the run."""
 
     def add(self, rewards: F32, ended: NDArray[np.bool_], success: NDArray[np.bool_]) -> None:
@@ -104,7 +104,7 @@ class EpisodeTally:
 
 
 def reward_row(terms: F32, features: F32, maturity: float, config: RewardConfig) -> dict[str, float]:
-    """Means over recent steps (T, N, ...) of each term r_i, each weight w'_i, and of the reward they make."""
+    """Means over recent steps (N, T, ...) of each term r_i, each weight w'_i, and of the reward they make."""
     w = weights(features, maturity, config)
     row = {"reward_mean": float(reward(terms, features, maturity, config).mean())}
     for i, name in enumerate(REWARD_TERMS):

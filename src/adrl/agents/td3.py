@@ -152,7 +152,7 @@ def make_probe_value(shape: Shape) -> Callable[[LearnerState, Array], Array]:
 
 
 def _adam(parameters: Array, gradient: Array, adam: Adam, learning_rate: float) -> tuple[Array, Adam]:
-    """One step of Adam with bias correction."""
+    """One step of Adam (Kingma and Ba 2015) with bias correction: one pass over a flat vector."""
     steps = adam.steps + 1.0
     mean = BETA_1 * adam.mean + (1.0 - BETA_1) * gradient
     square = BETA_2 * adam.square + (1.0 - BETA_2) * gradient**2

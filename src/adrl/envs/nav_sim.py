@@ -83,11 +83,12 @@ class NavSim:
         indices: NDArray[np.intp],
         tasks: Sequence[Task],
         seeds: NDArray[np.uint64],
-        rng: np.random.Generator,
+        rng: np.random.Generator | Sequence[np.random.Generator],
     ) -> None:
         """Start the robots `indices` (M,) on `tasks`.
 
-        seeds: (M,) of their sensors' noise. rng: draws their parameters.
+        seeds: (M,) of their sensors' noise. rng: draws their parameters; M of them, one each, where a robot's must
+        not depend on the others.
         """
         mask = np.zeros(self.num_envs, dtype=np.uint8)
         for i, task in zip(indices, tasks, strict=True):
@@ -96,7 +97,9 @@ class NavSim:
             self._time_limit_s[i] = task.time_limit_s
         mask[indices] = 1
         self.b["seed"][indices] = seeds
-        self.b["params"][indices] = draw_params(self.robot, self._randomization, len(indices), rng)
+        drawers = [(rng, len(indices))] if isinstance(rng, np.random.Generator) else [(one, 1) for one in rng]
+        drawn = [draw_params(self.robot, self._randomization, count, drawer) for drawer, count in drawers]
+        self.b["params"][indices] = np.concatenate(drawn)
         self.b["active"][indices] = 1
         self._last_action[indices] = to_action(np.zeros((1, 2)), self.robot)
         self.native.reset(mask)

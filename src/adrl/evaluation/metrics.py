@@ -44,7 +44,7 @@ class Episodes:
     shortest_m: Array
     """(E,) length of the shortest feasible path of the inflated footprint into the goal's disc, where episodes end."""
     least_clearance_m: Array
-    """(E,) smallest distance between footprint and obstacle on the way; 0 or less after a collision."""
+    """(E,) smallest distance between footprint and obstacle on the way, at most 1 m; 0 or less after a collision."""
     mean_speed_mps: Array
     """(E,) distance_m / time_s."""
     smoothness: Array

@@ -70,12 +70,11 @@ def rollout(
             num_threads=num_threads,
         )
         numbers = first_task + first + np.arange(len(chunk))
-        rng = np.random.default_rng((seed, first_task + first))
-        # The noise of a task depends on the evaluation's seed and the task's number alone.
-        seeds = np.array(
-            [np.random.SeedSequence((seed, int(n))).generate_state(1, np.uint64)[0] for n in numbers]
-        )
-        sim.reset(np.arange(len(chunk)), chunk, seeds, rng)
+        # Noise and drift of a task depend on the evaluation's seed and the task's number alone.
+        streams = [np.random.SeedSequence((seed, int(n))) for n in numbers]
+        seeds = np.array([stream.generate_state(1, np.uint64)[0] for stream in streams])
+        drawers = [np.random.default_rng(stream.spawn(1)[0]) for stream in streams]
+        sim.reset(np.arange(len(chunk)), chunk, seeds, drawers)
         keep = max(0, min(record - first, len(chunk)))
 
         def progress(ended: int, before: int = done) -> None:
@@ -111,8 +110,11 @@ def _drive(
         before = sim.b["twist"][:, 1].copy()
         actions = policy.act_in(sim) if hasattr(policy, "act_in") else policy.act(sim.observe())  # pyright: ignore
         outcome = sim.step(actions)
-        turned[active] += np.abs(sim.b["twist"][active, 1] - before[active])
-        steps[active] += 1
+        moving = (
+            active & ~outcome.collided
+        )  # contact stops a robot at once, which says nothing of its driving
+        turned[moving] += np.abs(sim.b["twist"][moving, 1] - before[moving])
+        steps[moving] += 1
         least_clearance[active] = np.minimum(least_clearance, sim.b["least_clearance"])[active]
         ending |= np.stack([outcome.reached, outcome.collided, outcome.timed_out]) & active
         sim.b["active"][ending.any(axis=0)] = 0

@@ -1,5 +1,6 @@
 """The probe: fixed start states, and what chance and the expert earn from them (Q_min, Q_max of eq 13)."""
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -86,11 +87,20 @@ class BoundsTable:
         return Bounds(float(low), float(high))
 
 
-def record_probe(env: ProbeEnv, seed: int, max_steps: int = 250) -> Probe:
-    """Run a random policy and the expert from the same num_envs starts, at most max_steps each.
+CUT_SHARE = 0.0064
+"""Share of a discounted return that lies beyond the probe's last step: 250 steps at gamma = 0.98."""
+LONGEST = 3000
 
-    0.97^250 = 0.05 %: what later steps would add to a discounted return is below the probe's noise. A random
-    action is held for ten steps: drawn anew each step it would average out to standing still.
+
+def probe_steps(gamma: float) -> int:
+    """Steps after which CUT_SHARE of a discounted return is left: what they would add is below the probe's noise."""
+    return LONGEST if gamma >= 1.0 else min(round(math.log(CUT_SHARE) / math.log(max(gamma, 1e-6))), LONGEST)
+
+
+def record_probe(env: ProbeEnv, seed: int, max_steps: int) -> Probe:
+    """Run a random policy and the expert from the same num_envs starts, at most max_steps each; see probe_steps.
+
+    A random action is held for ten steps: drawn anew each step it would average out to standing still.
     """
     observation, _ = env.reset(seed=seed)
     observation = np.array(observation, dtype=np.float32)

@@ -5,6 +5,9 @@ from dataclasses import dataclass, fields
 
 from adrl.errors import ConfigError
 
+STANDING_AT_WORST = 3.3
+"""The most that a reference period of standing costs: the least the weighted shaping terms can sum to."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class RewardConfig:

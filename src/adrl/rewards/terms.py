@@ -1,4 +1,7 @@
-"""The six sub-rewards, eqs 7 to 12, corrected forms. A term is a function and one line in REWARD_TERMS."""
+"""The six sub-rewards, eqs 7 to 12, corrected forms. A term is a function and one line in REWARD_TERMS.
+
+The formulas are for a step of one reference period; the four shaping terms of another step are paid in proportion.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -12,16 +12,16 @@ from adrl.worlds import MapScenario, SdfScenario, get_scenario
 class Place:
     """Where to drive: one of the three."""
 
-    scenario: str = "clutter"
-    """A family of worlds; adrl list names them."""
+    scenario: str | None = None
+    """A family of worlds; adrl list names them. clutter when neither a map nor a world is given."""
     map: Path | None = None
     """YAML file of a ROS map_server map, instead of a scenario."""
     world: Path | None = None
     """Gazebo SDF world of boxes, cylinders and planes, instead of a scenario."""
 
     def __post_init__(self) -> None:
-        if self.map is not None and self.world is not None:
-            raise ConfigError("give map or world, not both")
+        if sum(place is not None for place in (self.scenario, self.map, self.world)) > 1:
+            raise ConfigError("give one of scenario, map and world")
 
     def load(self) -> Scenario:
         """The scenario, map or world. Raises UnknownName, MapError, WorldError."""
@@ -29,4 +29,4 @@ class Place:
             return MapScenario(self.map)
         if self.world is not None:
             return SdfScenario(self.world)
-        return get_scenario(self.scenario)
+        return get_scenario(self.scenario or "clutter")
