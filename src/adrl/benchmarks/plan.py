@@ -11,6 +11,7 @@ from adrl import _core
 from adrl.benchmarks.timing import median_seconds, rate_per_second, require_rounds
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
+from adrl.observation import in_robot_frame
 from adrl.types import OccupancyGrid, RobotConfig, Task
 from adrl.worlds import get_scenario, load_map, task_set
 from adrl.worlds.map_scenario import MapScenario
@@ -71,9 +72,10 @@ def _plan(grid: OccupancyGrid, robot: RobotConfig, task: Task) -> None:
     blocked = (_core.distance_field(grid.solid, grid.resolution_m) <= robot.circumscribed_radius_m).astype(
         np.uint8
     )
-    start, goal = (
-        (int((y - grid.origin[1]) / grid.resolution_m), int((x - grid.origin[0]) / grid.resolution_m))
-        for x, y in (task.start[:2], task.goal)
-    )
+    places = np.array([task.start[:2], task.goal])
+    in_map = in_robot_frame(
+        np.array([grid.origin] * 2), places
+    )  # the map's axes may be turned against the world's
+    start, goal = ((int(y), int(x)) for x, y in in_map / grid.resolution_m)
     cells, _ = _core.astar(blocked, start, goal)
     _core.shorten_path(blocked, cells)

@@ -1,6 +1,7 @@
 """Where to drive, as the commands take it."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from adrl.errors import ConfigError
@@ -24,7 +25,11 @@ class Place:
             raise ConfigError("give one of scenario, map and world")
 
     def load(self) -> Scenario:
-        """The scenario, map or world. Raises UnknownName, MapError, WorldError."""
+        """The scenario, map or world, read once. Raises UnknownName, MapError, WorldError."""
+        return self._loaded
+
+    @cached_property
+    def _loaded(self) -> Scenario:
         if self.map is not None:
             return MapScenario(self.map)
         if self.world is not None:
