@@ -36,6 +36,24 @@ class EncoderConfig:
                 raise ConfigError(f"encoder.{name} is {value}; give a positive number")
 
 
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """Turns what a symmetric robot sees and does into what it would see and do in the mirrored world."""
+
+    order: NDArray[np.intp]
+    """(D,) index of the number that takes each place of an observation."""
+    sign: F32
+    """(D,) its factor, 1 or -1."""
+
+    def observation(self, rows: F32) -> None:
+        """Mirror observations (..., D) in place."""
+        rows[...] = rows[..., self.order] * self.sign
+
+    def action(self, rows: F32) -> None:
+        """Mirror actions (..., 2) in place: the yaw rate turns round."""
+        rows[..., 1] *= -1.0
+
+
 class ObservationEncoder:
     """(N, K) ranges, goals, twists and last actions -> (N, D) float32, D = num_sectors + 8."""
 
@@ -58,6 +76,20 @@ class ObservationEncoder:
     def size(self) -> int:
         """D, the length of an observation."""
         return self.config.num_sectors + GOAL_FEATURES + TWIST_FEATURES + ACTION_FEATURES
+
+    @property
+    def mirror(self) -> Mirror | None:
+        """Left for right; None for a robot whose body or LiDAR is not symmetric."""
+        sectors, lidar = self.config.num_sectors, self.robot.lidar
+        angles = np.sort(np.remainder(lidar.angles_rad + 1e-9, 2.0 * math.pi))
+        mirrored = np.sort(np.remainder(-lidar.angles_rad + 1e-9, 2.0 * math.pi))
+        centred = lidar.mount_y_m == 0.0 and lidar.mount_yaw_rad == 0.0
+        if not (centred and np.allclose(angles, mirrored) and np.allclose(self._extent, self._extent[::-1])):
+            return None
+        order, sign = np.arange(self.size), np.ones(self.size, np.float32)
+        order[:sectors] = order[:sectors][::-1]
+        sign[[sectors + 1, sectors + 5, sectors + 7]] = -1.0  # the goal's y, both yaw rates
+        return Mirror(order, sign)
 
     @property
     def limit(self) -> float:

@@ -15,12 +15,13 @@ import tyro
 from adrl import files
 from adrl.agents import checkpoint
 from adrl.agents.config import TrainConfig
-from adrl.agents.methods import METHODS, WITHOUT_DEMONSTRATIONS, method_config
+from adrl.agents.interface import Validation
+from adrl.agents.methods import METHODS, method_config
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError, UnknownName
 from adrl.evaluation.metrics import success_rate
-from adrl.evaluation.rollout import rollout
+from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Demonstrations, Source, collect, load_minari
 from adrl.imitation.probe import Probe, probe_steps, record_probe
 from adrl.observation import EncoderConfig
@@ -45,6 +46,8 @@ class RunConfig(Place):
     """A robot's name (adrl list), a TOML file, or the object."""
     method: str = "adrl"
     """A training method; adrl list names them."""
+    paper_literal: bool = False
+    """Compute every equation as the paper prints it, whatever the method."""
     guidance: str = "goal"
     """goal: the policy sees the final goal; map: a waypoint on the A* path of the known map."""
     out: Path | None = None
@@ -55,6 +58,8 @@ class RunConfig(Place):
     """Robots simulated side by side."""
     task_pool: int = 512
     """Worlds to train in, the first ones of the training split."""
+    task_priority: float = 1.0
+    """How much more often than others tasks are drawn that failed lately; 0 for all alike."""
     demonstration_steps: int = 20_000
     """Environment steps of A*+DWA demonstrations to collect."""
     dataset: Path | None = None
@@ -73,21 +78,28 @@ class RunConfig(Place):
         for name in ("num_envs", "task_pool", "validation_episodes"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} is {getattr(self, name)}; give 1 or more")
-        self._check_horizon()
-        if self.dataset is not None and self.method in WITHOUT_DEMONSTRATIONS:
+        learner = self.resolved()
+        _check_horizon(learner)
+        if self.dataset is not None and not learner.schedule.imitates:
             raise ConfigError(f"method {self.method!r} learns without demonstrations; leave out dataset")
         if self.demonstration_steps < 0:
             raise ConfigError(f"demonstration_steps is {self.demonstration_steps}; give 0 or more")
 
-    def _check_horizon(self) -> None:
-        """A crash must stay worse than standing for ever, or the policy learns to crash."""
-        gamma, reward = self.learner.td3.gamma, self.learner.reward
-        standing = STANDING_AT_WORST / max(1.0 - gamma, 1e-9)
-        if standing >= reward.failure_weight * reward.failure_penalty:
-            raise ConfigError(
-                f"td3.gamma is {gamma}: standing in the worst place for ever costs {standing:.0f}, no less than "
-                f"a crash; give a smaller gamma, or reward.failure_weight above {standing / reward.failure_penalty:.2f}"
-            )
+    def resolved(self) -> TrainConfig:
+        """The learner's configuration as the method has it."""
+        learner = method_config(self.method, self.learner)
+        return learner.literal() if self.paper_literal else learner
+
+
+def _check_horizon(learner: TrainConfig) -> None:
+    """A crash must stay worse than standing for ever, or the policy learns to crash (corrected forms)."""
+    gamma, reward = learner.td3.gamma, learner.reward
+    standing = STANDING_AT_WORST / max(1.0 - gamma, 1e-9)
+    if standing >= reward.failure_weight * reward.failure_penalty:
+        raise ConfigError(
+            f"td3.gamma is {gamma}: standing in the worst place for ever costs {standing:.0f}, no less than "
+            f"a crash; give a smaller gamma, or reward.failure_weight above {standing / reward.failure_penalty:.2f}"
+        )
 
 
 def train(
@@ -107,7 +119,7 @@ def train(
             "a run needs an end; give --steps (environment steps) or --max-seconds (wall clock)"
         )
     scenario, robot = config.load(), load_robot(config.robot)
-    learner = with_horizon_of(method_config(config.method, config.learner), robot)
+    learner = with_horizon_of(config.resolved(), robot)
     out = run_folder(config, scenario)
     if (out / "policy.safetensors").exists() and not config.resume:
         raise ConfigError(
@@ -125,9 +137,12 @@ def train(
         encoder=config.encoder,
         reward_config=learner.reward,
     )
-    env = make_env(config.num_envs, randomize=config.randomize, seed=learner.seed)
-    demonstrations = None if config.method in WITHOUT_DEMONSTRATIONS else _demonstrations(config, env)
-    probe = _probe(make_env(PROBE_STARTS, randomize=False), learner) if demonstrations else None
+    env = make_env(
+        config.num_envs, randomize=config.randomize, task_priority=config.task_priority, seed=learner.seed
+    )
+    demonstrations = _demonstrations(config, env) if learner.schedule.imitates else None
+    probed = learner.measures_maturity and learner.schedule.needs_bounds
+    probe = _probe(make_env(PROBE_STARTS, randomize=False), learner) if probed else None
     out.mkdir(parents=True, exist_ok=True)
     if not resumed:
         files.write_json(out / "versions.json", versions())
@@ -141,7 +156,8 @@ def train(
         policy_config=_policy_config(config, robot, scenario, out),
         demonstrations=demonstrations,
         probe=probe,
-        evaluate=_validation(config, scenario, robot),
+        mirror=env.sim.encoder.mirror,
+        evaluate=_validation(config, scenario, robot, learner),
         on_progress=on_progress,
         start_time_s=start_time_s,
         resume=config.resume,
@@ -193,6 +209,7 @@ def _policy_config(config: RunConfig, robot: RobotConfig, scenario: Scenario, ou
                 "scenario": scenario.name,
                 "num_envs": config.num_envs,
                 "task_pool": config.task_pool,
+                "task_priority": config.task_priority,
                 "randomize": config.randomize,
             },
             "run": out.name,
@@ -203,18 +220,28 @@ def _policy_config(config: RunConfig, robot: RobotConfig, scenario: Scenario, ou
 
 
 def _validation(
-    config: RunConfig, scenario: Scenario, robot: RobotConfig
-) -> Callable[[MlpPolicy], dict[str, Any]]:
-    """Success on the first validation tasks, drawn when first asked for."""
+    config: RunConfig, scenario: Scenario, robot: RobotConfig, learner: TrainConfig
+) -> Callable[[MlpPolicy, float], Validation]:
+    """Drives the first validation tasks, drawn when first asked for."""
 
     @functools.cache
     def tasks() -> Any:
         return task_set(scenario, robot, "validation", config.validation_episodes)
 
-    def evaluate(policy: MlpPolicy) -> dict[str, Any]:
+    def evaluate(policy: MlpPolicy, maturity: float) -> Validation:
         result = rollout(
-            policy, tasks(), robot, guidance=config.guidance, encoder=config.encoder, num_threads=1
+            policy,
+            tasks(),
+            robot,
+            guidance=config.guidance,
+            encoder=config.encoder,
+            num_threads=1,
+            rewards=Rewards(config=learner.reward, gamma=learner.td3.gamma, maturity=maturity),
         )
-        return {"success": success_rate(result.episodes)}
+        return Validation(
+            success=success_rate(result.episodes),
+            start=result.start,
+            discounted_return=float(result.discounted_return.mean()),
+        )
 
     return evaluate

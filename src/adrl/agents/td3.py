@@ -151,6 +151,17 @@ def make_probe_value(shape: Shape) -> Callable[[LearnerState, Array], Array]:
     return jax.jit(probe_value)
 
 
+def make_q_of_average(shape: Shape) -> Callable[[LearnerState, Array], Array]:
+    """Compile mean_s Q_1(s, pi(s)) of the averaged actor over states (B, D)."""
+
+    def q_of_average(state: LearnerState, observation: Array) -> Array:
+        action = networks.actor(state.average_actor, observation, shape.actor)
+        layer_norm = shape.td3.critic_layer_norm
+        return networks.first_critic(state.critics, observation, action, shape.critic, layer_norm).mean()
+
+    return jax.jit(q_of_average)
+
+
 def _adam(parameters: Array, gradient: Array, adam: Adam, learning_rate: float) -> tuple[Array, Adam]:
     """One step of Adam (Kingma and Ba 2015) with bias correction: one pass over a flat vector."""
     steps = adam.steps + 1.0

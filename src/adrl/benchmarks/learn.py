@@ -24,16 +24,22 @@ def bench_learn(*, width: int = 128, seconds: float = 5.0, rounds: int = 3) -> d
     from adrl.agents.config import Td3Config, TrainConfig
     from adrl.agents.learner import Learner
     from adrl.imitation import Demonstrations
+    from adrl.imitation.schedule import ScheduleConfig
 
     rng = np.random.default_rng(0)
-    config = TrainConfig(steps=1, pretrain_updates=0, td3=Td3Config(widths=(width, width)))
+    config = TrainConfig(
+        steps=1,
+        pretrain_updates=0,
+        td3=Td3Config(widths=(width, width)),
+        schedule=ScheduleConfig(driver="clock"),  # needs no probe
+    )
     columns = _columns(rng, 4096)
     demonstrations = Demonstrations(**columns, expert_action=columns["action"])
     learner = Learner(config, NUM_ENVS, OBSERVATION_SIZE, demonstrations, None, rng)
     for _ in range(ROWS):
         row = _columns(rng, NUM_ENVS)
         row["terms"] = row.pop("reward_terms")
-        learner.replay.add(**row)
+        learner.replay.add(**row, maturity=0.0)
 
     def update() -> int:
         for _ in range(10):

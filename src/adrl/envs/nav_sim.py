@@ -127,9 +127,14 @@ class NavSim:
         moved = np.hypot(*(b["pose"][:, :2] - before_pose[:, :2]).T)
         self._displacements = np.concatenate([self._displacements[:, 1:], moved[:, None]], axis=1)
         reached, collided = b["reached"].astype(bool), b["collided"].astype(bool)
+        timed_out = (b["time"] >= self._time_limit_s - 1e-6) & ~reached & ~collided
         step = self._snapshot(
             reached=reached,
             collided=collided,
+            timed_out=timed_out,
+            displacement_m=moved,
+            turn_rad=_wrap(b["pose"][:, 2] - before_pose[:, 2]),
+            coordinate_distance_m=self._coordinate_distance(collided),
             previous_distance_m=before_distance,
             heading_error_rad=_heading_error(b["pose"], before_waypoint),
             previous_heading_error_rad=_heading_error(before_pose, before_waypoint),
@@ -137,7 +142,7 @@ class NavSim:
         outcome = Outcome(
             reached=reached,
             collided=collided,
-            timed_out=(b["time"] >= self._time_limit_s - 1e-6) & ~reached & ~collided,
+            timed_out=timed_out,
             reward_terms=terms(step, self.reward),
             features=self._features,
         )
@@ -179,6 +184,20 @@ class NavSim:
             return self.b["route_left"].copy()
         return np.hypot(*(self.b["waypoint"] - self.b["pose"][:, :2]).T)
 
+    def _coordinate_distance(self, rows: Mask) -> Array:
+        """(N,) metres from the robot's centre to the nearest obstacle's coordinates, for the literal eq 8.
+
+        Looked up in `rows` only, those in contact: without contact no obstacle's middle is as near as d_r.
+        """
+        distance = np.full(self.num_envs, np.inf)
+        if self.reward.eq8 == "literal":
+            for i in np.flatnonzero(rows):
+                task = self.tasks[i]
+                assert task is not None
+                offsets = task.world.coordinates(float(self.b["time"][i])) - self.b["pose"][i, :2]
+                distance[i] = np.hypot(*offsets.T).min(initial=np.inf)
+        return distance
+
     def _snapshot(self, **changes: Any) -> Step:
         """The current state as the reward sees it; without changes, one in which nothing has moved."""
         n = self.num_envs
@@ -187,6 +206,7 @@ class NavSim:
         values: dict[str, Any] = {
             "reached": np.zeros(n, dtype=bool),
             "collided": np.zeros(n, dtype=bool),
+            "timed_out": np.zeros(n, dtype=bool),
             "speed_mps": self.b["twist"][:, 0],
             "yaw_rate_radps": self.b["twist"][:, 1],
             "distance_m": distance,
@@ -195,6 +215,10 @@ class NavSim:
             "previous_heading_error_rad": error,
             "clearance_m": self.b["clearance"],
             "mean_displacement_m": self._displacements.mean(axis=1),
+            "displacement_m": np.zeros(n),
+            "turn_rad": np.zeros(n),
+            "coordinate_distance_m": np.full(n, np.inf),
+            "contact_m": self.robot.circumscribed_radius_m,
             "max_speed_mps": self.robot.max_speed_mps,
             "max_yaw_rate_radps": self.robot.max_yaw_rate_radps,
             "dt_s": self.robot.control_period_s,
@@ -206,6 +230,11 @@ def _heading_error(pose: Array, target: Array) -> Array:
     """(N,) angle from the heading to the target, in (-pi, pi]."""
     ahead = in_robot_frame(pose, target)
     return np.arctan2(ahead[:, 1], ahead[:, 0])
+
+
+def _wrap(angle: Array) -> Array:
+    """The same angle in [-pi, pi)."""
+    return np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi
 
 
 def _buffers(n: int, beams: int) -> dict[str, NDArray[Any]]:
