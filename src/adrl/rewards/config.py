@@ -19,8 +19,8 @@ class RewardConfig:
     """Constants and forms of eqs 7 to 17. Stored with every run.
 
     In the corrected forms the weights keep this order for gamma <= 0.98 a reference period: reaching the goal >
-    standing, circling, spinning, orbiting > crashing. Standing in the worst place costs at most 3.3 a period, 165 for ever; a
-    crash costs failure_weight * 200. A longer horizon needs a larger failure_weight: 2 for gamma = 0.99.
+    standing, circling, spinning, orbiting > crashing. Standing in the worst place costs at most 3.3 a period, 165
+    for ever; a crash costs failure_weight * 200. A longer horizon needs a larger failure_weight: 2 for gamma = 0.99.
     """
 
     success_reward: float = 200.0
