@@ -1,0 +1,94 @@
+"""Jobs side by side, each in a process of its own that is bound to a core of its own."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from adrl.comparison.config import CompareConfig
+from adrl.comparison.jobs import Job, is_finished
+
+LOGS_FOLDER = "logs"
+POLL_S = 0.2
+ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+"""Libraries that look at the machine and not at the cores they may use."""
+
+
+def log_path(config: CompareConfig, job: Job) -> Path:
+    """What the job's process printed."""
+    return config.out / LOGS_FOLDER / f"{job.name}.log"
+
+
+def cores(config: CompareConfig) -> list[int]:
+    """The cores to work on: as many as workers were asked for, at most the usable ones."""
+    usable = sorted(os.sched_getaffinity(0))
+    return usable[: config.workers or len(usable)]
+
+
+def run_all(
+    config: CompareConfig, jobs: Sequence[Job], on_change: Callable[[int, int], None] | None = None
+) -> list[Job]:
+    """Run the jobs in their order; returns those that failed. on_change(ended, running) is told the progress.
+
+    No process survives this function, nor this process.
+    """
+    waiting, failed, ended = list(jobs), [], 0
+    free, running = cores(config), dict[int, tuple[Job, subprocess.Popen[bytes]]]()
+    try:
+        while waiting or running:
+            while waiting and free:
+                core, job = free.pop(0), waiting.pop(0)
+                running[core] = job, _start(config, job, core)
+            if on_change is not None:
+                on_change(ended, len(running))
+            time.sleep(POLL_S)
+            for core, (job, process) in list(running.items()):
+                if process.poll() is None:
+                    continue
+                _close(process)
+                del running[core]
+                free.append(core)
+                ended += 1
+                if process.returncode != 0 or not is_finished(config, job):
+                    failed.append(job)
+    finally:
+        for _, process in running.values():
+            process.kill()
+            process.wait()
+            _close(process)
+    return failed
+
+
+def _start(config: CompareConfig, job: Job, core: int) -> subprocess.Popen[bytes]:
+    """A worker with its job on standard input, which stays open: see adrl.comparison.worker."""
+    path = log_path(config, job)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    task = {"core": core, "method": job.method, "seed": job.seed, "config": config.document()}
+    with open(path, "wb") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "adrl.comparison.worker"],
+            stdin=subprocess.PIPE,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            env=os.environ | ONE_THREAD,
+            # Ctrl-C is for this process, which then ends its workers.
+            start_new_session=True,
+        )
+    assert process.stdin is not None
+    try:
+        process.stdin.write(json.dumps(task).encode() + b"\n")
+        process.stdin.flush()
+    except BrokenPipeError:
+        pass  # it ended already; its exit code and its log say why
+    return process
+
+
+def _close(process: subprocess.Popen[bytes]) -> None:
+    assert process.stdin is not None
+    try:
+        process.stdin.close()
+    except BrokenPipeError:
+        pass
