@@ -1,7 +1,7 @@
 """Stable-Baselines3's TD3 and SAC on the same environment, observation, action and reward as our learner.
 
-Their settings are the library's, but for those that ours also has: widths, batch, learning rate, discount, replay, steps
-before the first update, and gradient updates for each step of the vector environment.
+Their settings are the library's, but for those that ours also has: widths, batch, learning rate, discount, replay,
+steps before the first update, and gradient updates for each step of the vector environment.
 """
 
 import time

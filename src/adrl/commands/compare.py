@@ -37,7 +37,7 @@ def main(arguments: Sequence[str]) -> int:
             bar.update(task, completed=done, total=total, note=clock.note(done, running, total))
 
         result = compare(config, show)
-    console().print(rich_table(result.rows))
+    console().print(rich_table(result.rows, config.title()))
     for name, log in result.failed.items():
         console().print(f"failed: {name}, see {log}", style="red")
     print(config.out)
@@ -50,6 +50,7 @@ class _Clock:
     def __init__(self) -> None:
         self._began_s = time.monotonic()
         self._done_before: int | None = None
+        self._at_s = self._began_s
         self._seconds_a_job = 0.0
         self._done = 0
 

@@ -90,5 +90,5 @@ def _write_tables(config: CompareConfig, jobs: list[Job]) -> list[dict[str, Any]
     missing = [job.name for job in jobs if job not in finished]
     content = {"schema_version": SCHEMA_VERSION, "settings": config.settings(), "missing": missing}
     files.write_json(config.out / "results.json", content | {"rows": rows})
-    files.atomic_write_text(config.out / "table.md", markdown(rows, missing))
+    files.atomic_write_text(config.out / "table.md", markdown(rows, config.title(), missing))
     return rows

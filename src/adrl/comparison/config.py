@@ -81,6 +81,16 @@ class CompareConfig(RunConfig):
             values["dataset"] = None
         return RunConfig(**values)
 
+    def title(self) -> str:
+        """What all results share, in a line."""
+        learner = self.learner
+        budgets = [] if learner.steps is None else [f"{learner.steps} steps"]
+        budgets += [] if learner.max_seconds is None else [f"{learner.max_seconds:g} s"]
+        return (
+            f"scenario {self.load().name}, robot {load_robot(self.robot).name}, trained with guidance {self.guidance} "
+            f"for {' or '.join(budgets)}, {self.episodes} {self.split} tasks"
+        )
+
     def document(self) -> dict[str, Any]:
         """All of it as JSON has it; from_document is the inverse."""
         return json.loads(json.dumps(asdict(self), default=str, allow_nan=False))

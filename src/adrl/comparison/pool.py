@@ -1,5 +1,6 @@
 """Jobs side by side, each in a process of its own that is bound to a core of its own."""
 
+import contextlib
 import json
 import os
 import subprocess
@@ -13,7 +14,7 @@ from adrl.comparison.jobs import Job, is_finished
 
 LOGS_FOLDER = "logs"
 POLL_S = 0.2
-ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Libraries that look at the machine and not at the cores they may use."""
 
 
@@ -28,10 +29,8 @@ def cores(config: CompareConfig) -> list[int]:
     return usable[: config.workers or len(usable)]
 
 
-def run_all(
-    config: CompareConfig, jobs: Sequence[Job], on_change: Callable[[int, int], None] | None = None
-) -> list[Job]:
-    """Run the jobs in their order; returns those that failed. on_change(ended, running) is told the progress.
+def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int], None]) -> list[Job]:
+    """Run the jobs in their order; returns those that failed. tell(ended, running) hears of the progress.
 
     No process survives this function, nor this process.
     """
@@ -42,8 +41,7 @@ def run_all(
             while waiting and free:
                 core, job = free.pop(0), waiting.pop(0)
                 running[core] = job, _start(config, job, core)
-            if on_change is not None:
-                on_change(ended, len(running))
+            tell(ended, len(running))
             time.sleep(POLL_S)
             for core, (job, process) in list(running.items()):
                 if process.poll() is None:
@@ -54,6 +52,7 @@ def run_all(
                 ended += 1
                 if process.returncode != 0 or not is_finished(config, job):
                     failed.append(job)
+        tell(ended, 0)
     finally:
         for _, process in running.values():
             process.kill()
@@ -78,17 +77,14 @@ def _start(config: CompareConfig, job: Job, core: int) -> subprocess.Popen[bytes
             start_new_session=True,
         )
     assert process.stdin is not None
-    try:
+    # A broken pipe: it ended already; its exit code and its log say why.
+    with contextlib.suppress(BrokenPipeError):
         process.stdin.write(json.dumps(task).encode() + b"\n")
         process.stdin.flush()
-    except BrokenPipeError:
-        pass  # it ended already; its exit code and its log say why
     return process
 
 
 def _close(process: subprocess.Popen[bytes]) -> None:
     assert process.stdin is not None
-    try:
+    with contextlib.suppress(BrokenPipeError):
         process.stdin.close()
-    except BrokenPipeError:
-        pass

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -141,15 +141,15 @@ _COLUMNS = (
     _Column("time out %", "timeout", 1, 100.0),
     _Column("Av.D m", "distance_m", 1),
     _Column("Av.T s", "time_s", 1),
-    _Column("opti- mality", "optimality", 2),
+    _Column("opt.", "optimality", 2),
     _Column("SPL", "spl", 2),
     _Column("90 % s", "seconds_to_90", 0),
-    _Column("P(adrl better)", "improvement", 2, 1.0, True),
+    _Column("adrl better %", "improvement", 0, 100.0, True),
 )
 CAPTION = (
-    "success: mean over training seeds and its 95 % interval (of episodes for a planner). 90 % s: wall clock of training "
-    "until two validations in a row reach 90 %, median over seeds. P(adrl better): chance that a seed of adrl beats one "
-    "of the method."
+    "success: mean over training seeds with its 95 % interval (over episodes for a planner); 90 %: wall clock of "
+    "training until two validations in a row reach 90 %, median over seeds; adrl better: chance that a seed of adrl "
+    "beats one of the method; Av.D, Av.T and opt. (path / shortest path) over successes"
 )
 
 
@@ -169,44 +169,34 @@ def _cell(row: Row, column: _Column) -> tuple[str, str]:
     return number(value), f"{number(low)}-{number(high)}"
 
 
-def _labels(rows: Sequence[Row]) -> list[tuple[str, str]]:
-    """Name of each row, and what else to say of it."""
-    several: Callable[[Row], bool] = lambda row: any(  # noqa: E731
-        other["method"] == row["method"] and other is not row for other in rows
-    )
-    return [
-        (
-            row["method"],
-            ", ".join(
-                ([f"guidance {row['guidance']}"] if several(row) or row["seeds"] is None else [])
-                + ([] if row["seeds"] is None else [f"{row['seeds']} seeds"])
-            ),
-        )
-        for row in rows
-    ]
+def _note(row: Row) -> str:
+    """What is said of a row besides its method."""
+    return f"{row['guidance']}, planner" if row["seeds"] is None else f"{row['guidance']}, n={row['seeds']}"
 
 
-def markdown(rows: Sequence[Row], missing: Sequence[str] = ()) -> str:
+def markdown(rows: Sequence[Row], title: str, missing: Sequence[str] = ()) -> str:
     """The table as Markdown; `missing` names jobs whose results are not in it."""
-    headings = ["method", *(column.heading.replace("- ", "") for column in _COLUMNS)]
-    lines = ["| " + " | ".join(headings) + " |", "|" + "-|" * len(headings)]
-    for row, (name, more) in zip(rows, _labels(rows), strict=True):
+    headings = ["method", "guidance", *(column.heading for column in _COLUMNS)]
+    lines = [title, "", "| " + " | ".join(headings) + " |", "|" + "-|" * len(headings)]
+    for row in rows:
         cells = [_cell(row, column) for column in _COLUMNS]
         texts = [value + (f" [{interval}]" if interval else "") for value, interval in cells]
-        lines.append("| " + " | ".join([f"{name} ({more})", *texts]) + " |")
-    lines += ["", CAPTION]
+        lines.append("| " + " | ".join([row["method"], _note(row), *texts]) + " |")
+    lines += ["", CAPTION + "."]
     if missing:
         lines += ["", f"Not in it yet: {', '.join(missing)}."]
     return "\n".join(lines) + "\n"
 
 
-def rich_table(rows: Sequence[Row]) -> "Table":
+def rich_table(rows: Sequence[Row], title: str) -> "Table":
     """The table for a terminal: each estimate above its interval. Fits 80 columns."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
 
     table = Table(
+        title=Text(title),
+        title_justify="left",
         caption=Text(CAPTION),
         caption_justify="left",
         box=box.SIMPLE_HEAD,
@@ -217,8 +207,8 @@ def rich_table(rows: Sequence[Row]) -> "Table":
     table.add_column("method", overflow="fold", min_width=10)
     for column in _COLUMNS:
         table.add_column(column.heading.replace(" ", "\n"), justify="right", no_wrap=True)
-    for row, (name, more) in zip(rows, _labels(rows), strict=True):
-        cells = [Text(name).append(f"\n{more}", style="dim")]
+    for row in rows:
+        cells = [Text(row["method"]).append(f"\n{_note(row)}", style="dim")]
         for column in _COLUMNS:
             value, interval = _cell(row, column)
             cells.append(Text(value).append(f"\n{interval}" if interval else "", style="dim"))
