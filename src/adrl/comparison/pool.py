@@ -1,21 +1,17 @@
 """Jobs side by side, each in a process of its own that is bound to a core of its own."""
 
-import contextlib
 import json
-import os
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from adrl import processes
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.jobs import Job, is_finished
 
 LOGS_FOLDER = "logs"
 POLL_S = 0.2
-ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Libraries that look at the machine and not at the cores they may use."""
 
 
 def log_path(config: CompareConfig, job: Job) -> Path:
@@ -25,7 +21,7 @@ def log_path(config: CompareConfig, job: Job) -> Path:
 
 def cores(config: CompareConfig) -> list[int]:
     """The cores to work on: as many as workers were asked for, at most the usable ones."""
-    usable = sorted(os.sched_getaffinity(0))
+    usable = processes.usable_cores()
     return usable[: config.workers or len(usable)]
 
 
@@ -46,7 +42,7 @@ def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int
             for core, (job, process) in list(running.items()):
                 if process.poll() is None:
                     continue
-                _close(process)
+                processes.close(process)
                 del running[core]
                 free.append(core)
                 ended += 1
@@ -55,9 +51,7 @@ def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int
         tell(ended, 0)
     finally:
         for _, process in running.values():
-            process.kill()
-            process.wait()
-            _close(process)
+            processes.close(process)
     return failed
 
 
@@ -67,24 +61,6 @@ def _start(config: CompareConfig, job: Job, core: int) -> subprocess.Popen[bytes
     path.parent.mkdir(parents=True, exist_ok=True)
     task = {"core": core, "method": job.method, "seed": job.seed, "config": config.document()}
     with open(path, "wb") as log:
-        process = subprocess.Popen(
-            [sys.executable, "-m", "adrl.comparison.worker"],
-            stdin=subprocess.PIPE,
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            env=os.environ | ONE_THREAD,
-            # Ctrl-C is for this process, which then ends its workers.
-            start_new_session=True,
-        )
-    assert process.stdin is not None
-    # A broken pipe: it ended already; its exit code and its log say why.
-    with contextlib.suppress(BrokenPipeError):
-        process.stdin.write(json.dumps(task).encode() + b"\n")
-        process.stdin.flush()
+        process = processes.start_module("adrl.comparison.worker", stdout=log, stderr=subprocess.STDOUT)
+    processes.send(process, json.dumps(task).encode())
     return process
-
-
-def _close(process: subprocess.Popen[bytes]) -> None:
-    assert process.stdin is not None
-    with contextlib.suppress(BrokenPipeError):
-        process.stdin.close()

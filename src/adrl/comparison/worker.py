@@ -11,6 +11,8 @@ import threading
 import time
 from typing import Any
 
+from adrl.processes import bind_to_core
+
 STARTED_S = time.monotonic()
 
 
@@ -19,8 +21,7 @@ def main() -> int:
     with open(0, "rb", buffering=0, closefd=False) as stream:
         job: dict[str, Any] = json.loads(stream.readline())
     threading.Thread(target=_leave_with_parent, daemon=True).start()
-    # Before JAX is imported: it starts a thread for each core it finds.
-    os.sched_setaffinity(0, {job["core"]})
+    bind_to_core(job["core"])
     from adrl.comparison.config import from_document
     from adrl.comparison.jobs import Job, run_job
     from adrl.errors import AdrlError
