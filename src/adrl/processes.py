@@ -4,10 +4,13 @@ import contextlib
 import os
 import subprocess
 import sys
-from typing import Any
+from typing import IO
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Libraries that count the machine's cores, not those a process may use."""
+
+
+Process = subprocess.Popen[bytes]
 
 
 def usable_cores() -> list[int]:
@@ -15,11 +18,11 @@ def usable_cores() -> list[int]:
     return sorted(os.sched_getaffinity(0))
 
 
-def start_module(module: str, *arguments: str, **options: Any) -> subprocess.Popen[bytes]:
+def start_module(module: str, *arguments: str, stdout: int | IO[bytes], stderr: int | None = None) -> Process:
     """Start python -m module with an open pipe as its standard input.
 
     The module takes the pipe's end for the end of its parent, and must call bind_to_core before it imports JAX.
-    options: of Popen.
+    stdout, stderr: as Popen takes them.
     """
     return subprocess.Popen(
         [sys.executable, "-m", module, *arguments],
@@ -27,7 +30,8 @@ def start_module(module: str, *arguments: str, **options: Any) -> subprocess.Pop
         env=os.environ | ONE_THREAD,
         # Ctrl-C is for the parent, which then ends its children.
         start_new_session=True,
-        **options,
+        stdout=stdout,
+        stderr=stderr,
     )
 
 
@@ -36,7 +40,7 @@ def bind_to_core(core: int) -> None:
     os.sched_setaffinity(0, {core})
 
 
-def send(process: subprocess.Popen[bytes], line: bytes) -> None:
+def send(process: Process, line: bytes) -> None:
     """Write a line to the process; nothing where it has ended, which its exit code tells."""
     assert process.stdin is not None
     with contextlib.suppress(BrokenPipeError):
@@ -44,7 +48,7 @@ def send(process: subprocess.Popen[bytes], line: bytes) -> None:
         process.stdin.flush()
 
 
-def close(process: subprocess.Popen[bytes]) -> None:
+def close(process: Process) -> None:
     """Kill the process if it runs, and close its pipes."""
     process.kill()
     process.wait()

@@ -2,6 +2,7 @@
 
 import json
 import statistics
+import subprocess
 from collections.abc import Sequence
 from contextlib import ExitStack
 from importlib import metadata
@@ -15,19 +16,23 @@ from adrl.benchmarks.learn_worker import OBSERVATION_SIZE
 from adrl.benchmarks.timing import require_rounds
 from adrl.errors import AdrlError, ConfigError, MissingExtra
 
+PEER = "sb3-td3"
+
 
 def bench_learn(
     *, widths: Sequence[int] = (128, 256), seconds: float = 2.0, rounds: int = 5
 ) -> dict[str, Any]:
     """Medians over the rounds, each learner in a process of its own, on data drawn at random.
 
-    Ours, the peer's and the matrix product take turns on one core; then one learner of the first width on that core and
-    two side by side on two cores take turns. core_share below 1 says that something else ran on the core.
+    Our two learners, the peer's and the matrix product take turns on one core; then one learner of the first width on
+    that core and two side by side on two cores take turns. core_share below 1 says that something else ran on the core;
+    rates for a core-second leave that out.
     """
     if not widths or min(widths) < 1:
         raise ConfigError(f"widths is {list(widths)}; give one or more positive widths")
     require_rounds(rounds, seconds)
     cores = processes.usable_cores()
+    kinds = ("adrl", "td3", PEER) if _sb3_is_there() else ("adrl", "td3")
     with ExitStack() as stack:
 
         def start(what: str, width: int, core: int = cores[0]) -> _Worker:
@@ -36,25 +41,24 @@ def bench_learn(
             return worker
 
         peak = start("matmul", 0)
-        ours = [start("adrl", width) for width in widths]
-        peers = [start("sb3-td3", width) for width in widths] if _sb3_is_there() else []
-        second = start("adrl", widths[0], cores[1]) if len(cores) > 1 else None
-        everyone = [peak, *(worker for pair in zip(ours, peers or ours, strict=True) for worker in pair)]
-        for _ in range(rounds):
-            for worker in dict.fromkeys(everyone):
-                worker.go(seconds)
-                worker.take()
-        two = None if second is None else _two_learners(ours[0], second, widths[0], seconds, rounds)
-        results = [
-            _width_results(width, mine, peers[i] if peers else None, peak)
-            for i, (width, mine) in enumerate(zip(widths, ours, strict=True))
-        ]
+        learners = {(width, kind): start(kind, width) for width in widths for kind in kinds}
+        taken = _in_turns([[peak], *([worker] for worker in learners.values())], seconds, rounds)
+        gflops = statistics.median(answers[0]["core_rate"] for answers in taken[0]) / 1e9
+        rates = {key: _rates([answers[0] for answers in taken[i]]) for i, key in enumerate(learners, start=1)}
+        two = None
+        if len(cores) > 1:
+            first = learners[widths[0], "adrl"]
+            second = start("adrl", widths[0], cores[1])
+            two = _two_learners(widths[0], _in_turns([[first], [first, second]], seconds, rounds))
     return {
         "schema_version": 2,
         "batch_size": Td3Config().batch_size,
         "observation_size": OBSERVATION_SIZE,
-        "matmul_gflops": statistics.median(peak.rates) / 1e9,
-        "widths": results,
+        "matmul_gflops": gflops,
+        "peer": _about_sb3() if PEER in kinds else None,
+        "widths": [
+            _width_results(width, {kind: rates[width, kind] for kind in kinds}, gflops) for width in widths
+        ],
         "two_learners": two,
     }
 
@@ -90,78 +94,80 @@ def flops_per_update(width: int, observation_size: int = OBSERVATION_SIZE) -> fl
 
 
 class _Worker:
-    """A process of adrl.benchmarks.learn_worker and the rates it measured."""
+    """A process of adrl.benchmarks.learn_worker."""
 
     def __init__(self, what: str, width: int, core: int) -> None:
         arguments = (str(core), what, str(width))
         self._what = what
-        self._process = processes.start_module("adrl.benchmarks.learn_worker", *arguments, stdout=-1)
-        self._answer()  # it is ready, so no two of them compile at once
-        self.rates: list[float] = []
-        self.core_shares: list[float] = []
+        self._process = processes.start_module(
+            "adrl.benchmarks.learn_worker", *arguments, stdout=subprocess.PIPE
+        )
+        self.take()  # it is ready, so no two of them compile at once
 
     def go(self, seconds: float) -> None:
         """Start a round."""
         processes.send(self._process, str(seconds).encode())
 
-    def take(self) -> float:
-        """Wait for the round's end; its rate."""
-        answer = self._answer()
-        self.rates.append(answer["rate"])
-        self.core_shares.append(answer["core_share"])
-        return answer["rate"]
-
-    def close(self) -> None:
-        """End the process."""
-        processes.close(self._process)
-
-    def _answer(self) -> dict[str, Any]:
+    def take(self) -> dict[str, float]:
+        """Wait for the round's end: rate, core_rate and core_share."""
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if not line:
             raise AdrlError(f"the measurement of {self._what} ended early; its error stands above")
         return json.loads(line)
 
+    def close(self) -> None:
+        """End the process."""
+        processes.close(self._process)
 
-def _two_learners(
-    first: _Worker, second: _Worker, width: int, seconds: float, rounds: int
-) -> dict[str, Any]:
-    """One learner alone and two at once, in turns: what a second core brings to a comparison."""
-    alone, together = [], []
+
+def _in_turns(
+    teams: Sequence[Sequence[_Worker]], seconds: float, rounds: int
+) -> list[list[list[dict[str, float]]]]:
+    """Each round the teams work one after the other, the workers of a team at once. Answers: team, round, worker."""
+    taken: list[list[list[dict[str, float]]]] = [[] for _ in teams]
     for _ in range(rounds):
-        first.go(seconds)
-        alone.append(first.take())
-        for worker in (first, second):
-            worker.go(seconds)
-        together.append(first.take() + second.take())
-    one, two = statistics.median(alone), statistics.median(together)
+        for team, answers in zip(teams, taken, strict=True):
+            for worker in team:
+                worker.go(seconds)
+            answers.append([worker.take() for worker in team])
+    return taken
+
+
+def _two_learners(width: int, taken: list[list[list[dict[str, float]]]]) -> dict[str, Any]:
+    """One learner alone and two at once: what a second core brings to a comparison."""
+    one, two = (statistics.median(sum(a["rate"] for a in answers) for answers in team) for team in taken)
     return {"width": width, "one": one, "two": two, "ratio": two / one}
 
 
-def _width_results(width: int, ours: _Worker, peer: _Worker | None, peak: _Worker) -> dict[str, Any]:
-    rate, flops = statistics.median(ours.rates), flops_per_update(width)
-    return {
+def _width_results(width: int, rates: dict[str, dict[str, Any]], peak_gflops: float) -> dict[str, Any]:
+    """ratio: our learner's updates a second against the peer's; of td3, the same algorithm as the peer's."""
+    flops, ours, peer = flops_per_update(width), rates["adrl"], rates.get(PEER)
+    gflops = ours["updates_per_core_second"] * flops / 1e9
+    results = {
         "width": width,
-        **_rates(ours),
         "flops_per_update": flops,
-        "gflops": rate * flops / 1e9,
-        "peak_share": rate * flops / statistics.median(peak.rates),
-        "peer": None if peer is None else _about_sb3() | _rates(peer),
-        "ratio": None if peer is None else rate / statistics.median(peer.rates),
+        "gflops": gflops,
+        "peak_share": gflops / peak_gflops,
     }
+    for name, key in (("ratio", "updates_per_second"), ("ratio_per_core_second", "updates_per_core_second")):
+        results[name] = None if peer is None else ours[key] / peer[key]
+        results[f"{name}_td3"] = None if peer is None else rates["td3"][key] / peer[key]
+    return results | rates
 
 
-def _rates(worker: _Worker) -> dict[str, Any]:
+def _rates(answers: Sequence[dict[str, float]]) -> dict[str, Any]:
     return {
-        "updates_per_second": statistics.median(worker.rates),
-        "updates_per_second_rounds": list(worker.rates),
-        "core_share": statistics.median(worker.core_shares),
+        "updates_per_second": statistics.median(answer["rate"] for answer in answers),
+        "updates_per_core_second": statistics.median(answer["core_rate"] for answer in answers),
+        "core_share": statistics.median(answer["core_share"] for answer in answers),
+        "updates_per_second_rounds": [answer["rate"] for answer in answers],
     }
 
 
 def _about_sb3() -> dict[str, str]:
     versions = {name: metadata.version(name) for name in ("stable-baselines3", "torch")}
-    return {"name": "sb3-td3", "version": versions["stable-baselines3"], "torch": versions["torch"]}
+    return {"name": PEER, "version": versions["stable-baselines3"], "torch": versions["torch"]}
 
 
 def _sb3_is_there() -> bool:

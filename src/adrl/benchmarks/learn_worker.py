@@ -1,13 +1,15 @@
 """One learner in a process of its own on a core of its own: python -m adrl.benchmarks.learn_worker CORE WHAT WIDTH.
 
-For each line of standard input, a number of seconds, it works for so long and answers with a line of JSON: rate, units a
-second, and core_share, the part of that time in which the core was ours. The end of the input ends it.
+For each line of standard input, a number of seconds, it works for so long and answers with a line of JSON: rate, units
+a second; core_share, the part of that time in which the core was ours; core_rate, units a second of the core's time.
+The end of the input ends it.
 """
 
 import json
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from adrl.processes import bind_to_core
@@ -29,7 +31,7 @@ def main() -> int:
     bind_to_core(core)
     from adrl.benchmarks.timing import rate_per_second
 
-    work = {"adrl": _adrl, "sb3-td3": _sb3, "matmul": _matmul}[what](width)
+    work = {"adrl": _adrl, "td3": _td3, "sb3-td3": _sb3, "matmul": _matmul}[what](width)
     for _ in range(2):
         work()
     _answer({"ready": True})
@@ -37,7 +39,7 @@ def main() -> int:
         wall, cpu = time.perf_counter(), time.process_time()
         rate = rate_per_second(work, float(line))
         share = (time.process_time() - cpu) / (time.perf_counter() - wall)
-        _answer({"rate": rate, "core_share": share})
+        _answer({"rate": rate, "core_share": share, "core_rate": rate / share})
     return 0
 
 
@@ -63,16 +65,29 @@ def _matmul(_: int) -> Work:
 
 def _adrl(width: int) -> Work:
     """Updates of our learner as training makes them: sampling, reward, twin critics, actor, cloning, targets."""
+    return _ours(width, "adrl")
+
+
+def _td3(width: int) -> Work:
+    """The same without demonstrations: the peer's algorithm."""
+    return _ours(width, "td3")
+
+
+def _ours(width: int, method: str) -> Work:
     import numpy as np
 
     from adrl.agents.config import Td3Config, TrainConfig
     from adrl.agents.learner import Learner
+    from adrl.agents.methods import WITHOUT_DEMONSTRATIONS, method_config
     from adrl.imitation import Demonstrations
 
     rng = np.random.default_rng(0)
-    config = TrainConfig(steps=1, pretrain_updates=0, td3=Td3Config(widths=(width, width)))
-    columns = _columns(4096)
-    demonstrations = Demonstrations(**columns, expert_action=columns["action"])
+    config = TrainConfig(steps=1, td3=Td3Config(widths=(width, width)))
+    config = replace(method_config(method, config), pretrain_updates=0)
+    demonstrations = None
+    if method not in WITHOUT_DEMONSTRATIONS:
+        columns = _columns(4096)
+        demonstrations = Demonstrations(**columns, expert_action=columns["action"])
     learner = Learner(config, NUM_ENVS, OBSERVATION_SIZE, demonstrations, None, rng)
     for row in range(ROWS):
         step = _columns(NUM_ENVS, seed=row)

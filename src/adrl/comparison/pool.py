@@ -31,7 +31,7 @@ def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int
     No process survives this function, nor this process.
     """
     waiting, failed, ended = list(jobs), [], 0
-    free, running = cores(config), dict[int, tuple[Job, subprocess.Popen[bytes]]]()
+    free, running = cores(config), dict[int, tuple[Job, processes.Process]]()
     try:
         while waiting or running:
             while waiting and free:
@@ -55,7 +55,7 @@ def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int
     return failed
 
 
-def _start(config: CompareConfig, job: Job, core: int) -> subprocess.Popen[bytes]:
+def _start(config: CompareConfig, job: Job, core: int) -> processes.Process:
     """A worker with its job on standard input, which stays open: see adrl.comparison.worker."""
     path = log_path(config, job)
     path.parent.mkdir(parents=True, exist_ok=True)
