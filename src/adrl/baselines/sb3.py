@@ -1,7 +1,8 @@
 """Stable-Baselines3's TD3 and SAC on the same environment, observation, action and reward as our learner.
 
-Their settings are the library's, but for those that ours also has: widths, batch, learning rate, discount, replay,
-steps before the first update, and gradient updates for each step of the vector environment.
+Their settings are the library's, but for those that ours also has: widths, batch, learning rate, discount, n-step
+targets and how fast they follow, replay, steps before the first update, and gradient updates for each step of the
+vector environment. With its own one-step targets TD3 had 12 % on `clutter` after 5,900 updates, with these 95 %.
 """
 
 import time
@@ -121,6 +122,9 @@ def make_model(algorithm: str, env: NavVectorEnv, config: TrainConfig) -> OffPol
         gamma=config.td3.gamma,
         train_freq=1,
         gradient_steps=config.updates_per_iteration,
+        n_steps=config.td3.n_step,
+        # TD3's targets follow at each actor update as ours do, SAC's at each update.
+        tau=config.td3.polyak / (1 if algorithm == "TD3" else config.td3.policy_delay),
         action_noise=noise,
         policy_kwargs={"net_arch": list(config.td3.widths)},
         seed=config.seed,
