@@ -128,15 +128,7 @@ def train(
     resumed = checkpoint.exists(out)
     if resumed and not config.resume:
         raise ConfigError(f"{out} holds an unfinished run; give --resume to go on with it, or another --out")
-    make_env = functools.partial(
-        NavVectorEnv,
-        scenario=scenario,
-        robot=robot,
-        guidance=config.guidance,
-        task_pool=config.task_pool,
-        encoder=config.encoder,
-        reward_config=learner.reward,
-    )
+    make_env = env_maker(config, learner, scenario, robot)
     env = make_env(
         config.num_envs, randomize=config.randomize, task_priority=config.task_priority, seed=learner.seed
     )
@@ -153,14 +145,29 @@ def train(
         learner,
         env,
         out,
-        policy_config=_policy_config(config, robot, scenario, out),
+        policy_config=about_policy(config, robot, scenario, out),
         demonstrations=demonstrations,
         probe=probe,
         mirror=env.sim.encoder.mirror,
-        evaluate=_validation(config, scenario, robot, learner),
+        evaluate=validation(config, scenario, robot, learner),
         on_progress=on_progress,
         start_time_s=start_time_s,
         resume=config.resume,
+    )
+
+
+def env_maker(
+    config: RunConfig, learner: TrainConfig, scenario: Scenario, robot: RobotConfig
+) -> Callable[..., NavVectorEnv]:
+    """NavVectorEnv with the run's place, robot, guidance and encoder filled in, and the learner's reward."""
+    return functools.partial(
+        NavVectorEnv,
+        scenario=scenario,
+        robot=robot,
+        guidance=config.guidance,
+        task_pool=config.task_pool,
+        encoder=config.encoder,
+        reward_config=learner.reward,
     )
 
 
@@ -195,7 +202,8 @@ def _demonstrations(config: RunConfig, env: NavVectorEnv) -> Demonstrations:
     return collect(env, config.demonstration_steps, seed=config.learner.seed)
 
 
-def _policy_config(config: RunConfig, robot: RobotConfig, scenario: Scenario, out: Path) -> PolicyConfig:
+def about_policy(config: RunConfig, robot: RobotConfig, scenario: Scenario, out: Path) -> PolicyConfig:
+    """What is saved with the policy; the learner fills in the sizes and what training took."""
     run = asdict(replace(config, robot=robot.name))
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next
@@ -219,7 +227,7 @@ def _policy_config(config: RunConfig, robot: RobotConfig, scenario: Scenario, ou
     )
 
 
-def _validation(
+def validation(
     config: RunConfig, scenario: Scenario, robot: RobotConfig, learner: TrainConfig
 ) -> Callable[[MlpPolicy, float], Validation]:
     """Drives the first validation tasks, drawn when first asked for."""

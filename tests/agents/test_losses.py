@@ -176,14 +176,15 @@ def test_the_returned_actor_survives_the_next_update():
     assert_array_equal(actor, before)
 
 
-def test_the_averaged_actor_is_the_mean_of_the_first_actors():
+def test_the_averaged_actor_forgets_its_start():
+    """Polynomial-decay averaging by hand: share 9 / (t + 8) of the t-th actor, 1 of the first."""
     update, state = make_update(SHAPE), fresh()
-    actors = []
-    for seed in range(6):
-        state, actor, _ = update(state, random_batch(seed, (1, 2)), None, PLAIN)
-        actors.append(np.asarray(actor))
-    assert np.ptp(actors, axis=0).max() > 1e-3
-    assert_allclose(state.average_actor, np.mean(actors, axis=0), rtol=1e-4, atol=1e-6)
+    expected = np.zeros_like(np.asarray(state.actor))
+    for t in range(1, 7):
+        state, actor, _ = update(state, random_batch(t, (1, 2)), None, PLAIN)
+        expected += 9.0 / (t + 8.0) * (np.asarray(actor) - expected)
+    assert np.abs(expected - np.asarray(state.actor)).max() > 1e-4
+    assert_allclose(state.average_actor, expected, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("layer_norm", [True, False])
