@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Guidance = str
 """One of GUIDANCE."""
 
-GUIDANCE = ("goal", "map")
+GUIDANCE = ("goal", "replan", "map")
 SPLITS = ("train", "validation", "test")
 
 

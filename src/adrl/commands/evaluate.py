@@ -23,7 +23,7 @@ class EvaluateOptions(Place):
     """astar-dwa (knows the map), default (the shipped policy), or a run folder."""
     robot: str | None = None
     """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
-    guidance: Literal["goal", "map"] | None = None
+    guidance: Literal["goal", "replan", "map"] | None = None
     """goal: the policy sees the final goal; map: a waypoint on the A* path of the known map. As trained when left
     out."""
     split: Literal["train", "validation", "test"] = "test"

@@ -11,6 +11,7 @@ from adrl.envs import NOMINAL, NavSim, Randomization
 from adrl.errors import TaskError
 from adrl.evaluation.metrics import Episodes
 from adrl.observation import EncoderConfig
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array, Policy, RobotConfig, Task
 
 F32 = NDArray[np.float32]
@@ -44,6 +45,8 @@ def rollout(
     guidance: str = "goal",
     encoder: EncoderConfig | None = None,
     randomization: Randomization = NOMINAL,
+    replanner: ReplannerConfig | None = None,
+    maturity: float = 0.0,
     seed: int = 0,
     num_threads: int = 0,
     record: int = 0,
@@ -53,7 +56,7 @@ def rollout(
     """Drive every task once.
 
     seed: of the sensors' noise and of odometry drift, nothing else; every policy meets the same. record: number of
-    tasks, from the first, whose routes are kept. first_task: number of tasks[0] in its split. on_step(ended, total)
+    tasks, from the first, whose routes are kept. replanner, maturity: see NavSim. first_task: number of tasks[0] in its split. on_step(ended, total)
     is told the progress. Raises TaskError for no tasks.
     """
     if not tasks:
@@ -67,6 +70,8 @@ def rollout(
             guidance=guidance,
             randomization=randomization,
             encoder=encoder,
+            replanner=replanner,
+            maturity=maturity,
             num_threads=num_threads,
         )
         numbers = first_task + first + np.arange(len(chunk))
