@@ -64,7 +64,7 @@ void follow_robot(std::int8_t *log_odds, const WindowShape &shape, WindowOrigin 
 }
 
 bool corridor_seen_free(const std::int8_t *log_odds, const WindowShape &shape, const WindowOrigin &origin, Vec2 from,
-                        Vec2 to, double radius) {
+                        Vec2 to, double radius, bool known) {
     // In cells, (0, 0) the centre of the window's first one.
     const double inverse = 1.0 / shape.resolution;
     const auto in_window = [&](Vec2 p) {
@@ -100,6 +100,16 @@ bool corridor_seen_free(const std::int8_t *log_odds, const WindowShape &shape, c
         }
         return true;
     };
+    if (known) {
+        const int steps = static_cast<int>(std::ceil(length));
+        for (int k = 1; k <= steps; ++k) {
+            const Vec2 at = a + (static_cast<double>(k) / steps) * (b - a);
+            const double row = std::floor(at.y + 0.5);
+            const double column = std::floor(at.x + 0.5);
+            if (!(row >= 0.0 && column >= 0.0 && row < shape.height && column < shape.width)) return false;
+            if (log_odds[static_cast<std::size_t>(row) * shape.width + static_cast<std::size_t>(column)] >= 0) return false;
+        }
+    }
     double around = wide; // distance from `from` to the nearest solid cell
     each_solid(wide, [&](Vec2 cell) {
         around = std::min(around, norm(cell));
@@ -165,7 +175,8 @@ void ScanIntegrator::enter_hits(std::int8_t *log_odds, Vec2 sensor, const float 
     for (std::size_t i = 0; i < directions_.size(); ++i) {
         const double range = ranges[i];
         if (!(range > 0.0 && range < limit)) continue;
-        const Vec2 hit = sensor + (range / shape_.resolution) * directions_[i];
+        // Half a cell into the obstacle: noise then seldom thickens it towards the robot, and narrow gaps stay open.
+        const Vec2 hit = sensor + (range / shape_.resolution + 0.5) * directions_[i];
         if (!(hit.x >= 0.0 && hit.y >= 0.0 && hit.x < shape_.width && hit.y < shape_.height)) continue;
         const std::size_t cell =
             static_cast<std::size_t>(hit.y) * static_cast<std::size_t>(shape_.width) + static_cast<std::size_t>(hit.x);

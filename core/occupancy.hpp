@@ -38,9 +38,9 @@ void follow_robot(std::int8_t *log_odds, const WindowShape &shape, WindowOrigin 
 
 // True when no solid cell's centre is within `radius` of the straight line. Near `from` less is asked: what the robot
 // has around itself already, half a metre more for every metre on, so that it may leave a place that is too narrow.
-// Cells outside the window count as free.
+// Cells outside the window and cells never seen count as free; with `known`, those on the line itself do not.
 bool corridor_seen_free(const std::int8_t *log_odds, const WindowShape &shape, const WindowOrigin &origin, Vec2 from,
-                        Vec2 to, double radius);
+                        Vec2 to, double radius, bool known = false);
 
 // Enters scans into windows. Owns the scratch: one a thread.
 class ScanIntegrator {

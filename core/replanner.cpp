@@ -105,7 +105,7 @@ void Replanner::plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 go
     b_.found[i] = route.reached ? 1 : 2;
 }
 
-void Replanner::see(const std::uint8_t *mask, const double *pose, const double *point, double distance,
+void Replanner::see(const std::uint8_t *mask, const double *pose, const double *point, double distance, bool known,
                     std::uint8_t *out) {
     pool_.run(num_robots_, [&](int first, int last) {
         for (int i = first; i < last; ++i) {
@@ -114,7 +114,7 @@ void Replanner::see(const std::uint8_t *mask, const double *pose, const double *
             const Vec2 way = point_at(point, i) - from;
             const double length = norm(way);
             const Vec2 to = length > distance ? from + (distance / length) * way : from + way;
-            out[i] = corridor_seen_free(cells(i), setup_.shape, origin(i), from, to, setup_.waypoint.corridor);
+            out[i] = corridor_seen_free(cells(i), setup_.shape, origin(i), from, to, setup_.waypoint.corridor, known);
         }
     });
 }

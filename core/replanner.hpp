@@ -49,8 +49,10 @@ class Replanner {
     // Plans to goals (N, 2): waypoint, route and found.
     void plan(const std::uint8_t *mask, const double *pose, const double *goal);
     // out (N): whether the straight line from the robot towards a point (N, 2) is free of what has been seen, for at
-    // most `distance` metres of it. Robots off the mask are left alone.
-    void see(const std::uint8_t *mask, const double *pose, const double *point, double distance, std::uint8_t *out);
+    // most `distance` metres of it; with `known`, also whether all of that line has been seen. Robots off the mask are
+    // left alone.
+    void see(const std::uint8_t *mask, const double *pose, const double *point, double distance, bool known,
+             std::uint8_t *out);
 
   private:
     struct Scratch {

@@ -162,7 +162,7 @@ int RoutePlanner::root(int run) {
 
 // Free cells joined by their sides are runs of rows that overlap: far fewer than cells. A diagonal move needs both its
 // neighbours, so what it reaches is joined by sides too.
-Cell RoutePlanner::nearest_reachable(Cell start, Cell goal) {
+void RoutePlanner::aim(Cell start, Cell goal) {
     runs_.clear();
     int start_run = 0;
     for (int row = 0; row < height_; ++row) {
@@ -183,18 +183,26 @@ Cell RoutePlanner::nearest_reachable(Cell start, Cell goal) {
         }
     }
     const int joined = root(start_run);
-    Cell nearest = start;
+    target_ = start;
+    leaves_ = false;
+    const bool outside = !in_window(goal);
     double least = std::hypot(start.row - goal.row, start.column - goal.column);
     for (int k = 0; k < static_cast<int>(runs_.size()); ++k) {
         const Run &run = runs_[k];
+        const bool at_border = run.row == 0 || run.row == height_ - 1 || run.first == 0 || run.last == width_ - 1;
+        if (outside && at_border && root(k) == joined) {
+            target_ = goal;
+            leaves_ = true;
+            return;
+        }
         const int column = std::clamp(goal.column, run.first, run.last);
         const double away = std::hypot(run.row - goal.row, column - goal.column);
         if (away < least && root(k) == joined) {
             least = away;
-            nearest = {run.row, column};
+            target_ = {run.row, column};
         }
     }
-    return nearest;
+    end_ = index(target_.row, target_.column);
 }
 
 std::uint32_t RoutePlanner::octile_units(std::size_t cell) const {
@@ -237,14 +245,13 @@ void RoutePlanner::next_stamp() {
 Route RoutePlanner::plan(const std::int8_t *log_odds, Cell start, Cell goal, double heading) {
     measure(log_odds);
     free_around(start);
-    target_ = nearest_reachable(start, goal);
+    aim(start, goal);
     next_stamp();
     cells_.clear();
     to_go_.clear();
     const std::size_t from = index(start.row, start.column);
-    const bool there = target_.row == start.row && target_.column == start.column;
     std::uint32_t cost = 0;
-    if (there) {
+    if (is_end(from)) {
         cells_.push_back(start);
         to_go_.push_back(0.0);
     } else if (costs_.headings) {
@@ -254,11 +261,11 @@ Route RoutePlanner::plan(const std::int8_t *log_odds, Cell start, Cell goal, dou
         cost = search(from);
         trace(from);
     }
-    return {&cells_, cost * resolution_ / kUnit, target_.row == goal.row && target_.column == goal.column};
+    const Cell last = cells_.back();
+    return {&cells_, cost * resolution_ / kUnit, last.row == goal.row && last.column == goal.column};
 }
 
 std::uint32_t RoutePlanner::search(std::size_t start) {
-    const std::size_t target = index(target_.row, target_.column);
     const auto open = [&](std::size_t cell) -> Node & {
         Node &node = nodes_[cell];
         if (node.stamp != stamp_) {
@@ -275,7 +282,10 @@ std::uint32_t RoutePlanner::search(std::size_t start) {
     QueuedNode at;
     while (queue_.pop(at)) {
         if (at.cost != nodes_[at.node].g) continue;
-        if (at.node == target) return at.cost;
+        if (is_end(at.node)) {
+            end_ = at.node;
+            return at.cost;
+        }
         for (int move = 0; move < 8; ++move) {
             const std::size_t next = at.node + offset_[move];
             if (level_[next] == 0) continue;
@@ -295,10 +305,9 @@ std::uint32_t RoutePlanner::search(std::size_t start) {
 }
 
 void RoutePlanner::trace(std::size_t start) {
-    const std::size_t target = index(target_.row, target_.column);
-    for (std::size_t at = target;; at -= offset_[nodes_[at].move]) {
+    for (std::size_t at = end_;; at -= offset_[nodes_[at].move]) {
         cells_.push_back({static_cast<int>(at / stride_) - 1, static_cast<int>(at % stride_) - 1});
-        to_go_.push_back((nodes_[target].g - nodes_[at].g) * resolution_ / kUnit);
+        to_go_.push_back((nodes_[end_].g - nodes_[at].g) * resolution_ / kUnit);
         if (at == start) break;
     }
     std::reverse(cells_.begin(), cells_.end());
@@ -337,7 +346,6 @@ void RoutePlanner::expand(std::size_t cell, int heading, std::uint32_t g, bool f
 }
 
 std::uint32_t RoutePlanner::search_headings(std::size_t start, double heading) {
-    const std::size_t target = index(target_.row, target_.column);
     const int first = static_cast<int>(std::lround(heading / (0.25 * std::numbers::pi))) & 7;
     queue_.clear(to_goal(octile_units(start)));
     CellNode &own = visit(start);
@@ -349,7 +357,8 @@ std::uint32_t RoutePlanner::search_headings(std::size_t start, double heading) {
         if (at.cost != states_[at.node].g) continue;
         const std::size_t cell = at.node / 8;
         const int came = static_cast<int>(at.node % 8);
-        if (cell == target) {
+        if (is_end(cell)) {
+            end_ = cell;
             end_heading_ = came;
             return at.cost;
         }
@@ -367,9 +376,8 @@ std::uint32_t RoutePlanner::search_headings(std::size_t start, double heading) {
 }
 
 void RoutePlanner::trace_headings(std::size_t start) {
-    const std::size_t target = index(target_.row, target_.column);
-    const std::uint32_t total = states_[8 * target + end_heading_].g;
-    std::size_t at = target;
+    const std::uint32_t total = states_[8 * end_ + end_heading_].g;
+    std::size_t at = end_;
     for (int heading = end_heading_; at != start;) {
         const State &state = states_[8 * at + heading];
         cells_.push_back({static_cast<int>(at / stride_) - 1, static_cast<int>(at % stride_) - 1});

@@ -27,7 +27,7 @@ struct RouteCosts {
 struct Route {
     const std::vector<Cell> *cells; // start and end included; empty when no cell but the start can be reached
     double cost;                    // metres of eq 22
-    bool reached;                   // it ends in the goal's cell; otherwise in the reachable cell nearest to it
+    bool reached; // it ends in the goal's cell; otherwise at the border, or in the reachable cell nearest to the goal
 };
 
 // Plans on windows of one size. Owns its scratch; a plan allocates nothing.
@@ -38,7 +38,8 @@ class RoutePlanner {
 
     RoutePlanner(int height, int width, double resolution, const RouteCosts &costs);
 
-    // log_odds (height x width): solid above 0. The goal may lie outside of the window. heading: of the robot, radians,
+    // log_odds (height x width): solid above 0. The route to a goal outside of the window ends in the border cell from
+    // which the octile rest of the way is least in all. heading: of the robot, radians,
     // counted with `headings` only. The start counts as free, and around it as much clearance is asked for as it has.
     Route plan(const std::int8_t *log_odds, Cell start, Cell goal, double heading);
 
@@ -73,9 +74,17 @@ class RoutePlanner {
     };
 
     std::size_t index(int row, int column) const { return static_cast<std::size_t>(row + 1) * stride_ + column + 1; }
+    bool in_window(Cell c) const { return c.row >= 0 && c.column >= 0 && c.row < height_ && c.column < width_; }
+    bool is_end(std::size_t cell) const {
+        if (!leaves_) return cell == end_;
+        const std::size_t row = cell / stride_;
+        const std::size_t column = cell % stride_;
+        return row == 1 || column == 1 || row == static_cast<std::size_t>(height_) ||
+               column == static_cast<std::size_t>(width_);
+    }
     void measure(const std::int8_t *log_odds);
     void free_around(Cell start);
-    Cell nearest_reachable(Cell start, Cell goal);
+    void aim(Cell start, Cell goal);
     int root(int run);
     std::uint32_t octile_units(std::size_t cell) const;
     std::uint32_t to_goal(std::uint32_t octile) const;
@@ -106,7 +115,9 @@ class RoutePlanner {
     std::vector<State> states_;
     BucketQueue queue_;
     std::uint32_t stamp_ = 0;
-    Cell target_;
+    Cell target_;          // estimates are of the way to it
+    bool leaves_ = false;  // it lies outside, and the route ends at the border
+    std::size_t end_ = 0;  // cell in which the last route ends
     int end_heading_ = 0;
     int offset_[8];
     std::vector<Cell> cells_;

@@ -96,13 +96,13 @@ void plan(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose
 }
 
 void see(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose, const In<double, Rows2> &point,
-         double distance, Out<std::uint8_t, nb::shape<-1>> out) {
+         double distance, bool known, Out<std::uint8_t, nb::shape<-1>> out) {
     self.require_rows(mask.shape(0), "mask");
     self.require_rows(out.shape(0), "out");
     self.require_points(mask, pose, "pose");
     self.require_points(mask, point, "point");
     const nb::gil_scoped_release release;
-    self.native.see(mask.data(), pose.data(), point.data(), distance, out.data());
+    self.native.see(mask.data(), pose.data(), point.data(), distance, known, out.data());
 }
 
 nb::tuple plan_route(RoutePlanner &self, const LogOdds &log_odds, std::pair<int, int> start, std::pair<int, int> goal,
@@ -179,7 +179,7 @@ void bind_replanner(nb::module_ &m) {
              nb::arg("ranges").noconvert())
         .def("plan", &plan, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(), nb::arg("goal").noconvert())
         .def("see", &see, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(), nb::arg("point").noconvert(),
-             nb::arg("distance_m"), nb::arg("out").noconvert());
+             nb::arg("distance_m"), nb::arg("known"), nb::arg("out").noconvert());
     nb::class_<RoutePlanner>(m, "RoutePlanner")
         .def(nb::new_([](int height, int width, double resolution, const RouteCosts &costs) {
                  if (height < 1 || width < 1 || height > 4096 || width > 4096 || !(resolution > 0.0))

@@ -80,6 +80,11 @@ def stagnant(motion: Motion, thresholds: Thresholds, form: Form) -> Mask:
     return (motion.progress_m < thresholds.displacement_m) & slow & unchanged
 
 
+def on_course(motion: Motion, least_m: float) -> Mask:
+    """(N,) robots of which most of the way brought them nearer to the goal; least_m: less is not driving."""
+    return (motion.progress_m > 0.7 * motion.travelled_m) & (motion.travelled_m > least_m)
+
+
 class Replanner:
     """Waypoints for N robots of one kind. All that changes is in arrays: see state().
 
@@ -101,9 +106,9 @@ class Replanner:
         self.maturity = maturity
         self._window = self.config.steps(self.config.window_s, robot)
         self._interval = self.config.steps(self.config.replan_interval_s, robot)
-        span_m = robot.max_speed_mps * robot.control_period_s * self._window
+        self._span_m = robot.max_speed_mps * robot.control_period_s * self._window
         self._basic = Thresholds(
-            displacement_m=self.config.displacement_fraction * span_m,
+            displacement_m=self.config.displacement_fraction * self._span_m,
             speed_mps=self.config.speed_fraction * robot.max_speed_mps,
             obstacle_change_m=self.config.obstacle_change_m,
         )
@@ -190,17 +195,18 @@ class Replanner:
         )
 
     def _triggered(self, odometry: Array, clearance: Array) -> Mask:
-        """(N,) eq 18, once the window is full. Corrected: and something known is in the way to the goal.
+        """(N,) eq 18, once the window is full. Corrected: but not for a robot on course over free ground.
 
-        Without that conflict a plan would be the straight line the policy follows already; so a slow drive over
-        free ground never triggers, at whatever speed.
+        However slow it drives, a plan would be the straight line it follows already.
         """
         threat = np.clip(1.0 - clearance / self.config.safe_clearance_m, 0.0, 1.0)
         thresholds = adapt(self._basic, threat, self.maturity, self.config)
         full = self._b["recorded"] > self._window
-        stuck = full & stagnant(self._motion(), thresholds, self.config.eq18)
+        motion = self._motion()
+        stuck = full & stagnant(motion, thresholds, self.config.eq18)
         if self.config.eq18 == "corrected" and stuck.any():
-            stuck &= ~self._sees(stuck, odometry, self._b["goal"], self.config.conflict_m)
+            straight_on = stuck & on_course(motion, 0.01 * self._span_m)
+            stuck &= ~self._sees(straight_on, odometry, self._b["goal"], self.config.conflict_m)
         return stuck
 
     def _due(self, following: Mask, odometry: Array) -> Mask:
@@ -218,13 +224,10 @@ class Replanner:
         """Plan for the chosen robots, or hand them back to the goal."""
         if not chosen.any():
             return
-        b, config = self._b, self.config
+        b = self._b
         self._native.plan(chosen.astype(np.uint8), odometry, b["goal"])
-        straight = np.hypot(*(b["goal"] - odometry[:, :2]).T)
-        near = chosen & (b["found"] == 1) & (b["route"] <= config.straight_ratio * straight)
         back = chosen & (b["found"] == 0)
-        back |= self._sees(chosen, odometry, b["goal"], np.inf)
-        back |= self._sees(near, odometry, b["goal"], config.conflict_m)
+        back |= self._sees(chosen, odometry, b["goal"], np.inf, known=True)
         ahead = np.hypot(*(b["waypoint"] - odometry[:, :2]).T)
         left = np.hypot(*(b["goal"] - b["waypoint"]).T)
         b["beyond"][chosen] = np.where(back, 0.0, np.maximum(b["route"] - ahead, left))[chosen]
@@ -233,11 +236,16 @@ class Replanner:
         # Whoever goes back to the goal is watched anew.
         b["recorded"][back] = 0
 
-    def _sees(self, mask: Mask, odometry: Array, points: Array, distance_m: float) -> Mask:
-        """(N,) robots of the mask that know of nothing on the straight way to a point, for distance_m of it."""
+    def _sees(
+        self, mask: Mask, odometry: Array, points: Array, distance_m: float, *, known: bool = False
+    ) -> Mask:
+        """(N,) robots of the mask that know of nothing on the straight way to a point, for distance_m of it.
+
+        known: and have seen all of that line.
+        """
         out = np.zeros(len(mask), dtype=np.uint8)
         if mask.any():
-            self._native.see(mask.astype(np.uint8), odometry, points, distance_m, out)
+            self._native.see(mask.astype(np.uint8), odometry, points, distance_m, known, out)
         return out.astype(bool)
 
     def _make_native(self, num_robots: int, num_threads: int) -> "_core.Replanner":

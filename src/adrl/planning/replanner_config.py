@@ -45,13 +45,11 @@ class ReplannerConfig:
     safe_clearance_m: float = 0.3
     """Clearance below which an obstacle is a threat: T_obs rises from 0 here to 1 at contact."""
     conflict_m: float = 2.0
-    """A known obstacle this near on the straight way to the goal makes stagnation a conflict (eq18 corrected)."""
+    """A slow robot that drives straight at the goal triggers only with a known obstacle this near on its way."""
     replan_interval_s: float = 0.5
     """A robot on a route plans anew this often, and at once when the way to its waypoint is blocked."""
     arrival_m: float = 0.4
     """Distance from the waypoint at which the next one is wanted."""
-    straight_ratio: float = 1.05
-    """A route at most this much longer than the straight line, with conflict_m of it free, ends the intervention."""
     min_interval_m: float = 0.3
     """Least distance of a waypoint along the route."""
     lookahead_m: float = 1.5
