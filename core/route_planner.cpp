@@ -84,7 +84,7 @@ ADRL_CLONES void scan_row(const std::uint8_t *column, int width, int limit, std:
 
 RoutePlanner::RoutePlanner(int height, int width, double resolution, const RouteCosts &costs)
     : height_(height), width_(width), stride_(width + 2), resolution_(resolution), costs_(costs),
-      limit_(limit_cells(costs, resolution)),
+      near_(costs.near_goal / resolution * kUnit), inverse_near_(1.0 / near_), limit_(limit_cells(costs, resolution)),
       queue_(queue_span(costs, resolution), static_cast<std::size_t>(height) * width) {
     const auto cells = static_cast<std::size_t>(height) * width;
     const auto padded = static_cast<std::size_t>(height + 2) * stride_;
@@ -202,14 +202,11 @@ void RoutePlanner::aim(Cell start, Cell goal) {
             target_ = {run.row, column};
         }
     }
-    end_ = index(target_.row, target_.column);
 }
 
-std::uint32_t RoutePlanner::octile_units(std::size_t cell) const {
-    const int row = static_cast<int>(cell / stride_) - 1;
-    const int column = static_cast<int>(cell % stride_) - 1;
-    const int dr = std::abs(row - target_.row);
-    const int dc = std::abs(column - target_.column);
+std::uint32_t RoutePlanner::octile_units(Cell c) const {
+    const int dr = std::abs(c.row - target_.row);
+    const int dc = std::abs(c.column - target_.column);
     return static_cast<std::uint32_t>(kUnit * (std::max(dr, dc) - std::min(dr, dc)) +
                                       kDiagonalUnits * std::min(dr, dc));
 }
@@ -217,17 +214,17 @@ std::uint32_t RoutePlanner::octile_units(std::size_t cell) const {
 // Integral of the least cost a metre on a way to the goal: 1 + weight k_goal (1 - T_goal). T_goal is taken one move
 // nearer, as a move pays for the cell that it enters; so the estimate never exceeds a move and what follows it.
 std::uint32_t RoutePlanner::to_goal(std::uint32_t octile) const {
-    const double near = costs_.near_goal / resolution_ * kUnit;
     const double reach = std::max(0.0, static_cast<double>(octile) - kDiagonalUnits);
-    const double far_from_goal = reach < near ? 0.5 * reach * reach / near : reach - 0.5 * near;
+    const double far_from_goal = reach < near_ ? 0.5 * reach * reach * inverse_near_ : reach - 0.5 * near_;
     return static_cast<std::uint32_t>(octile + costs_.weight * costs_.k_goal * far_from_goal);
 }
 
-std::uint16_t RoutePlanner::entering(std::size_t cell) const {
-    const double near = costs_.near_goal / resolution_ * kUnit;
-    const double away = std::min(octile_units(cell) / near, 1.0);
+std::uint16_t RoutePlanner::entering(std::size_t cell, std::uint32_t octile) const {
+    const double away = std::min(octile * inverse_near_, 1.0);
     const double density = costs_.k_obstacle * density_of_[level_[cell]] + costs_.k_goal * away;
-    return static_cast<std::uint16_t>(std::ceil(kUnit * (1.0 + costs_.weight * density)));
+    const double cost = kUnit * (1.0 + costs_.weight * density);
+    const auto whole = static_cast<std::uint16_t>(cost);
+    return static_cast<std::uint16_t>(whole < cost ? whole + 1 : whole);
 }
 
 double RoutePlanner::obstacle_density(int row, int column) const { return density_of_[level_[index(row, column)]]; }
@@ -251,38 +248,40 @@ Route RoutePlanner::plan(const std::int8_t *log_odds, Cell start, Cell goal, dou
     to_go_.clear();
     const std::size_t from = index(start.row, start.column);
     std::uint32_t cost = 0;
-    if (is_end(from)) {
+    if (is_end(start)) {
         cells_.push_back(start);
         to_go_.push_back(0.0);
     } else if (costs_.headings) {
-        cost = search_headings(from, heading);
+        cost = search_headings(start, heading);
         trace_headings(from);
     } else {
-        cost = search(from);
+        cost = search(start);
         trace(from);
     }
     const Cell last = cells_.back();
     return {&cells_, cost * resolution_ / kUnit, last.row == goal.row && last.column == goal.column};
 }
 
-std::uint32_t RoutePlanner::search(std::size_t start) {
-    const auto open = [&](std::size_t cell) -> Node & {
-        Node &node = nodes_[cell];
-        if (node.stamp != stamp_) {
-            node.stamp = stamp_;
-            node.g = kNoWay;
-            node.cost = entering(cell);
-        }
-        return node;
-    };
-    open(start).g = 0;
-    const std::uint32_t least = to_goal(octile_units(start));
-    queue_.clear(least);
-    queue_.push({least, 0, static_cast<std::uint32_t>(start)});
+RoutePlanner::Node &RoutePlanner::open(std::size_t cell, Cell c) {
+    Node &node = nodes_[cell];
+    if (node.stamp != stamp_) {
+        const std::uint32_t octile = octile_units(c);
+        node = {kNoWay, stamp_, to_goal(octile), entering(cell, octile), 0};
+    }
+    return node;
+}
+
+std::uint32_t RoutePlanner::search(Cell start) {
+    const auto from = static_cast<std::uint32_t>(index(start.row, start.column));
+    Node &own = open(from, start);
+    own.g = 0;
+    queue_.clear(own.estimate);
+    queue_.push({own.estimate, 0, from});
     QueuedNode at;
     while (queue_.pop(at)) {
         if (at.cost != nodes_[at.node].g) continue;
-        if (is_end(at.node)) {
+        const Cell here = cell_at(at.node);
+        if (is_end(here)) {
             end_ = at.node;
             return at.cost;
         }
@@ -293,12 +292,12 @@ std::uint32_t RoutePlanner::search(std::size_t start) {
             if (slant && (level_[at.node + offset_[move - 1]] == 0 || level_[at.node + offset_[(move + 1) & 7]] == 0)) {
                 continue;
             }
-            Node &node = open(next);
+            Node &node = open(next, {here.row + kRow[move], here.column + kColumn[move]});
             const std::uint32_t g = at.cost + (slant ? diagonal(node.cost) : node.cost);
             if (g >= node.g) continue;
             node.g = g;
             node.move = static_cast<std::uint8_t>(move);
-            queue_.push({g + to_goal(octile_units(next)), g, static_cast<std::uint32_t>(next)});
+            queue_.push({g + node.estimate, g, static_cast<std::uint32_t>(next)});
         }
     }
     return kNoWay;
@@ -306,7 +305,7 @@ std::uint32_t RoutePlanner::search(std::size_t start) {
 
 void RoutePlanner::trace(std::size_t start) {
     for (std::size_t at = end_;; at -= offset_[nodes_[at].move]) {
-        cells_.push_back({static_cast<int>(at / stride_) - 1, static_cast<int>(at % stride_) - 1});
+        cells_.push_back(cell_at(at));
         to_go_.push_back((nodes_[end_].g - nodes_[at].g) * resolution_ / kUnit);
         if (at == start) break;
     }
@@ -314,9 +313,12 @@ void RoutePlanner::trace(std::size_t start) {
     std::reverse(to_go_.begin(), to_go_.end());
 }
 
-RoutePlanner::CellNode &RoutePlanner::visit(std::size_t cell) {
+RoutePlanner::CellNode &RoutePlanner::visit(std::size_t cell, Cell c) {
     CellNode &node = cell_nodes_[cell];
-    if (node.stamp != stamp_) node = {stamp_, 0, entering(cell), 0, false};
+    if (node.stamp != stamp_) {
+        const std::uint32_t octile = octile_units(c);
+        node = {stamp_, 0, to_goal(octile), entering(cell, octile), 0, false};
+    }
     return node;
 }
 
@@ -324,13 +326,14 @@ RoutePlanner::CellNode &RoutePlanner::visit(std::size_t cell) {
 // moves with such a turn between them reach, one move reaches for less.
 void RoutePlanner::expand(std::size_t cell, int heading, std::uint32_t g, bool first) {
     const int widest = first ? 4 : 2;
+    const Cell here = cell_at(cell);
     for (int move = 0; move < 8; ++move) {
         const int turn = eighths_between(move, heading);
         const std::size_t next = cell + offset_[move];
         if (turn > widest || level_[next] == 0) continue;
         const bool slant = move & 1;
         if (slant && (level_[cell + offset_[move - 1]] == 0 || level_[cell + offset_[(move + 1) & 7]] == 0)) continue;
-        const CellNode &node = visit(next);
+        const CellNode &node = visit(next, {here.row + kRow[move], here.column + kColumn[move]});
         const std::uint32_t reached =
             g + (slant ? diagonal(node.cost) + turn * turn_diagonal_ : node.cost + turn * turn_straight_);
         // From the heading with which the cell was first expanded it costs no more to turn to this one.
@@ -341,23 +344,24 @@ void RoutePlanner::expand(std::size_t cell, int heading, std::uint32_t g, bool f
         State &state = states_[8 * next + move];
         if (state.stamp_from >> 8 == stamp_ && reached >= state.g) continue;
         state = {reached, stamp_ << 8 | static_cast<std::uint32_t>(heading)};
-        queue_.push({reached + to_goal(octile_units(next)), reached, static_cast<std::uint32_t>(8 * next + move)});
+        queue_.push({reached + node.estimate, reached, static_cast<std::uint32_t>(8 * next + move)});
     }
 }
 
-std::uint32_t RoutePlanner::search_headings(std::size_t start, double heading) {
+std::uint32_t RoutePlanner::search_headings(Cell start, double heading) {
     const int first = static_cast<int>(std::lround(heading / (0.25 * std::numbers::pi))) & 7;
-    queue_.clear(to_goal(octile_units(start)));
-    CellNode &own = visit(start);
+    const std::size_t from = index(start.row, start.column);
+    CellNode &own = visit(from, start);
+    queue_.clear(own.estimate);
     own.expanded = true;
     own.expanded_heading = static_cast<std::uint8_t>(first);
-    expand(start, first, 0, true);
+    expand(from, first, 0, true);
     QueuedNode at;
     while (queue_.pop(at)) {
         if (at.cost != states_[at.node].g) continue;
         const std::size_t cell = at.node / 8;
         const int came = static_cast<int>(at.node % 8);
-        if (is_end(cell)) {
+        if (is_end(cell_at(cell))) {
             end_ = cell;
             end_heading_ = came;
             return at.cost;
@@ -380,12 +384,12 @@ void RoutePlanner::trace_headings(std::size_t start) {
     std::size_t at = end_;
     for (int heading = end_heading_; at != start;) {
         const State &state = states_[8 * at + heading];
-        cells_.push_back({static_cast<int>(at / stride_) - 1, static_cast<int>(at % stride_) - 1});
+        cells_.push_back(cell_at(at));
         to_go_.push_back((total - state.g) * resolution_ / kUnit);
         at -= offset_[heading];
         heading = static_cast<int>(state.stamp_from & 7);
     }
-    cells_.push_back({static_cast<int>(start / stride_) - 1, static_cast<int>(start % stride_) - 1});
+    cells_.push_back(cell_at(start));
     to_go_.push_back(total * resolution_ / kUnit);
     std::reverse(cells_.begin(), cells_.end());
     std::reverse(to_go_.begin(), to_go_.end());

@@ -57,11 +57,13 @@ class RoutePlanner {
   private:
     struct Node { // of the search without headings
         std::uint32_t g, stamp;
-        std::uint16_t cost; // of entering the cell straight on
+        std::uint32_t estimate; // of the cost from here on
+        std::uint16_t cost;     // of entering the cell straight on
         std::uint8_t move;
     };
     struct CellNode { // what the search with headings knows of a cell
         std::uint32_t stamp, expanded_g;
+        std::uint32_t estimate;
         std::uint16_t cost;
         std::uint8_t expanded_heading;
         bool expanded;
@@ -75,24 +77,27 @@ class RoutePlanner {
 
     std::size_t index(int row, int column) const { return static_cast<std::size_t>(row + 1) * stride_ + column + 1; }
     bool in_window(Cell c) const { return c.row >= 0 && c.column >= 0 && c.row < height_ && c.column < width_; }
-    bool is_end(std::size_t cell) const {
-        if (!leaves_) return cell == end_;
-        const std::size_t row = cell / stride_;
-        const std::size_t column = cell % stride_;
-        return row == 1 || column == 1 || row == static_cast<std::size_t>(height_) ||
-               column == static_cast<std::size_t>(width_);
+    bool is_end(Cell c) const {
+        if (!leaves_) return c.row == target_.row && c.column == target_.column;
+        return c.row == 0 || c.column == 0 || c.row == height_ - 1 || c.column == width_ - 1;
     }
     void measure(const std::int8_t *log_odds);
     void free_around(Cell start);
     void aim(Cell start, Cell goal);
     int root(int run);
-    std::uint32_t octile_units(std::size_t cell) const;
+    std::uint32_t octile_units(Cell c) const;
     std::uint32_t to_goal(std::uint32_t octile) const;
-    std::uint16_t entering(std::size_t cell) const;
-    std::uint32_t search(std::size_t start);
-    std::uint32_t search_headings(std::size_t start, double heading);
+    std::uint16_t entering(std::size_t cell, std::uint32_t octile) const;
+    Node &open(std::size_t cell, Cell c);
+    Cell cell_at(std::size_t cell) const {
+        const auto i = static_cast<std::uint32_t>(cell);
+        const auto stride = static_cast<std::uint32_t>(stride_);
+        return {static_cast<int>(i / stride) - 1, static_cast<int>(i % stride) - 1};
+    }
+    std::uint32_t search(Cell start);
+    std::uint32_t search_headings(Cell start, double heading);
     void expand(std::size_t cell, int heading, std::uint32_t g, bool first);
-    CellNode &visit(std::size_t cell);
+    CellNode &visit(std::size_t cell, Cell c);
     void trace(std::size_t start);
     void trace_headings(std::size_t start);
     void next_stamp();
@@ -100,6 +105,8 @@ class RoutePlanner {
     int height_, width_, stride_; // stride of the padded arrays: a border of blocked cells spares the range checks
     double resolution_;
     RouteCosts costs_;
+    double near_;         // near_goal in units
+    double inverse_near_;
     int limit_; // cells up to which clearance is measured
     std::uint32_t turn_straight_, turn_diagonal_; // units an eighth of a turn costs
     std::vector<std::uint8_t> level_of_;          // by squared clearance
