@@ -9,10 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from adrl.benchmarks.plan import bench_dwa, bench_map
+from adrl.api import default_policy_folder
+from adrl.benchmarks.act import bench_act
+from adrl.benchmarks.plan import bench_dwa, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.benchmarks.timing import median_seconds, rate_per_second
 from adrl.commands.bench import _gather
+from adrl.deploy.policy import load_policy
 from adrl.errors import ConfigError
 from map_files import write_map
 from small_run import run_cli
@@ -59,6 +62,15 @@ def test_plan(tmp_path: Path) -> None:
 def test_plan_across_a_turned_map(tmp_path: Path) -> None:
     path = write_map(tmp_path, [[254] * 160] * 80, resolution=0.1, origin=[3.0, -2.0, 2.0])
     assert bench_map(path, rounds=1)["median_ms"] > 0.0
+
+
+def test_replan_and_policy_step() -> None:
+    results = bench_replan(queries=4)
+    assert results["cells"] == [400, 400]
+    for name in ("plain", "headings"):
+        assert 0.0 < results[name]["p50_ms"] <= results[name]["p99_ms"]
+    step = bench_act(load_policy(default_policy_folder()), steps=20)
+    assert 0.0 < step["p50_ms"] <= step["p99_ms"]
 
 
 def test_learn() -> None:

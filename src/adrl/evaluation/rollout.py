@@ -35,6 +35,8 @@ class Rollout:
     episodes: Episodes
     routes: list[Array]
     """One (T, 2) array of positions for each of the recorded tasks."""
+    replans: NDArray[np.int64]
+    """(E,) interventions of the replanner in each episode; 0 without guidance `replan`."""
 
 
 def rollout(
@@ -61,7 +63,7 @@ def rollout(
     """
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
-    parts, routes, done = [], [], 0
+    parts, routes, replans, done = [], [], [], 0
     for first in range(0, len(tasks), CHUNK):
         chunk = tasks[first : first + CHUNK]
         sim = NavSim(
@@ -89,8 +91,10 @@ def rollout(
         part, kept = _drive(policy, sim, numbers, keep, progress)
         parts.append(part)
         routes += kept
+        counted = np.zeros(len(chunk), dtype=np.int64) if sim.replanner is None else sim.replanner.replans.copy()
+        replans.append(counted)
         done += len(chunk)
-    return Rollout(episodes=_concatenate(parts), routes=routes)
+    return Rollout(episodes=_concatenate(parts), routes=routes, replans=np.concatenate(replans))
 
 
 def _drive(

@@ -21,6 +21,8 @@ from adrl.types import Array, RobotConfig
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
+LEAST_STEPS = 2
+"""Control periods between two plans: in tight places waypoints are near, and every step would ask for one."""
 EVIDENCE_HIT, EVIDENCE_LOW, EVIDENCE_HIGH = 30, -20, 60
 """Log-odds of the map: one hit makes the surest free cell (low) solid; high is the surest solid one."""
 
@@ -212,13 +214,12 @@ class Replanner:
     def _due(self, following: Mask, odometry: Array) -> Mask:
         """(N,) robots on a route that need a new plan: in time, at the waypoint, or cut off from it."""
         b = self._b
-        due = b["since_plan"] >= self._interval
-        due |= np.hypot(*(b["waypoint"] - odometry[:, :2]).T) < self.config.arrival_m
-        due &= following
-        rest = following & ~due
-        if rest.any():
-            due |= rest & ~self._sees(rest, odometry, b["waypoint"], np.inf)
-        return due
+        due = following & (b["since_plan"] >= self._interval)
+        rest = following & ~due & (b["since_plan"] >= LEAST_STEPS)
+        arrived = np.hypot(*(b["waypoint"] - odometry[:, :2]).T) < self.config.arrival_m
+        due |= rest & arrived
+        rest &= ~arrived
+        return due | (rest & ~self._sees(rest, odometry, b["waypoint"], np.inf))
 
     def _plan(self, chosen: Mask, odometry: Array) -> None:
         """Plan for the chosen robots, or hand them back to the goal."""

@@ -46,8 +46,8 @@ class ReplannerConfig:
     """Clearance below which an obstacle is a threat: T_obs rises from 0 here to 1 at contact."""
     conflict_m: float = 2.0
     """A slow robot that drives straight at the goal triggers only with a known obstacle this near on its way."""
-    replan_interval_s: float = 0.5
-    """A robot on a route plans anew this often, and at once when the way to its waypoint is blocked."""
+    replan_interval_s: float = 1.0
+    """A robot on a route plans anew this often, and sooner at its waypoint or when the way to that is blocked."""
     arrival_m: float = 0.4
     """Distance from the waypoint at which the next one is wanted."""
     min_interval_m: float = 0.3
