@@ -27,8 +27,8 @@ struct GridPath {
 // corners are not cut.
 GridPath astar(const std::uint8_t *blocked, int height, int width, Cell start, Cell goal);
 
-// True when the straight line between two points touches only cells with is_free(row, column); through a corner point it
-// needs both cells beside it free.
+// True when the straight line between two points touches only cells with is_free(row, column); through a corner point
+// it needs both cells beside it free.
 template <class IsFree>
 bool straight_free(const IsFree &is_free, GridPoint from, GridPoint to) {
     int row = static_cast<int>(std::floor(from.row + 0.5));

@@ -107,7 +107,8 @@ bool corridor_seen_free(const std::int8_t *log_odds, const WindowShape &shape, c
             const double row = std::floor(at.y + 0.5);
             const double column = std::floor(at.x + 0.5);
             if (!(row >= 0.0 && column >= 0.0 && row < shape.height && column < shape.width)) return false;
-            if (log_odds[static_cast<std::size_t>(row) * shape.width + static_cast<std::size_t>(column)] >= 0) return false;
+            if (log_odds[static_cast<std::size_t>(row) * shape.width + static_cast<std::size_t>(column)] >= 0)
+                return false;
         }
     }
     double around = wide; // distance from `from` to the nearest solid cell
@@ -126,8 +127,8 @@ bool corridor_seen_free(const std::int8_t *log_odds, const WindowShape &shape, c
 ScanIntegrator::ScanIntegrator(const WindowShape &shape, const Evidence &evidence, const Beams &beams,
                                const Pose &mount, double max_range, double reach, double body_radius)
     : shape_(shape), evidence_(evidence), mount_(mount), max_range_(max_range), reach_(std::min(reach, max_range)),
-      body_radius_(body_radius), full_circle_(beams.uniform() && beams.increment() * (beams.count() + 0.5) >=
-                                                                     2.0 * std::numbers::pi),
+      body_radius_(body_radius),
+      full_circle_(beams.uniform() && beams.increment() * (beams.count() + 0.5) >= 2.0 * std::numbers::pi),
       directions_(beams.count()), mark_(static_cast<std::size_t>(shape.height) * shape.width) {
     const double c = std::cos(mount.theta);
     const double s = std::sin(mount.theta);
@@ -216,12 +217,13 @@ void ScanIntegrator::free_body(std::int8_t *log_odds, Vec2 robot) {
     const double radius = body_radius_ / shape_.resolution - 0.75; // whole cells under the robot only
     if (radius < 0.0) return;
     const auto first = [&](double at) { return std::max(0, static_cast<int>(std::floor(at - radius))); };
-    const auto last = [&](double at, int side) { return std::min(side - 1, static_cast<int>(std::floor(at + radius))); };
+    const auto last = [&](double at, int side) {
+        return std::min(side - 1, static_cast<int>(std::floor(at + radius)));
+    };
     for (int row = first(robot.y); row <= last(robot.y, shape_.height); ++row) {
         for (int column = first(robot.x); column <= last(robot.x, shape_.width); ++column) {
             if (norm(Vec2{column + 0.5, row + 0.5} - robot) > radius) continue;
-            log_odds[static_cast<std::size_t>(row) * shape_.width + column] =
-                static_cast<std::int8_t>(evidence_.low);
+            log_odds[static_cast<std::size_t>(row) * shape_.width + column] = static_cast<std::int8_t>(evidence_.low);
         }
     }
 }

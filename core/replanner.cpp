@@ -46,10 +46,9 @@ Replanner::Replanner(int num_robots, int num_threads, const Beams &beams, const 
     : num_robots_(num_robots), num_beams_(beams.count()), setup_(setup), b_(buffers), pool_(num_threads) {
     const WindowShape &shape = setup.shape;
     for (int k = 0; k < pool_.size(); ++k) {
-        stock_.push_back(std::make_unique<Scratch>(
-            Scratch{ScanIntegrator(shape, setup.evidence, beams, setup.mount, setup.max_range, setup.reach,
-                                   setup.body_radius),
-                    RoutePlanner(shape.height, shape.width, shape.resolution, setup.costs)}));
+        stock_.push_back(std::make_unique<Scratch>(Scratch{
+            ScanIntegrator(shape, setup.evidence, beams, setup.mount, setup.max_range, setup.reach, setup.body_radius),
+            RoutePlanner(shape.height, shape.width, shape.resolution, setup.costs)}));
     }
 }
 
@@ -91,14 +90,13 @@ void Replanner::plan(const std::uint8_t *mask, const double *pose, const double 
 void Replanner::plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 goal) {
     const WindowOrigin window = origin(i);
     const Cell start = cell_of({pose.x, pose.y}, setup_.shape, window);
-    const Route route =
-        planner.plan(cells(i), start, cell_of(goal, setup_.shape, window), pose.theta);
+    const Route route = planner.plan(cells(i), start, cell_of(goal, setup_.shape, window), pose.theta);
     if (route.cells->size() < 2 && !route.reached) {
         b_.found[i] = 0;
         return;
     }
-    const Waypoint chosen = choose_waypoint(planner, setup_.costs, setup_.waypoint, route, cells(i), setup_.shape,
-                                            window, pose, goal);
+    const Waypoint chosen =
+        choose_waypoint(planner, setup_.costs, setup_.waypoint, route, cells(i), setup_.shape, window, pose, goal);
     b_.waypoint[2 * i] = chosen.point.x;
     b_.waypoint[2 * i + 1] = chosen.point.y;
     b_.route[i] = chosen.route;

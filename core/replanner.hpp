@@ -18,7 +18,7 @@ struct ReplannerSetup {
     Evidence evidence;
     Pose mount; // of the LiDAR, in the robot's frame
     double max_range = 6.0;
-    double reach = 6.0;      // hits farther away are not mapped
+    double reach = 6.0;       // hits farther away are not mapped
     double body_radius = 0.2; // of a disc that the footprint covers: free, as the robot stands there
     RouteCosts costs;
     WaypointRules waypoint;

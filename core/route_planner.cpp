@@ -14,7 +14,7 @@ namespace {
 // Headings counter-clockwise from the x axis (columns); odd ones are diagonal.
 constexpr int kRow[8] = {0, 1, 1, 1, 0, -1, -1, -1};
 constexpr int kColumn[8] = {1, 1, 0, -1, -1, -1, 0, 1};
-constexpr int kDiagonalUnits = 90;      // below 64 sqrt 2: estimates never exceed the cost
+constexpr int kDiagonalUnits = 90; // below 64 sqrt 2: estimates never exceed the cost
 constexpr std::uint32_t kNoWay = ~0U;
 
 // sqrt 2, rounded up.
@@ -115,6 +115,7 @@ RoutePlanner::RoutePlanner(int height, int width, double resolution, const Route
         states_.resize(8 * padded);
     } else {
         nodes_.resize(padded);
+        came_by_.resize(padded);
     }
     cells_.reserve(cells);
     to_go_.reserve(cells);
@@ -230,8 +231,8 @@ std::uint16_t RoutePlanner::entering(std::size_t cell, std::uint32_t octile) con
 double RoutePlanner::obstacle_density(int row, int column) const { return density_of_[level_[index(row, column)]]; }
 
 void RoutePlanner::next_stamp() {
-    // State keeps 24 bits of it.
-    if (++stamp_ >= (1U << 24)) {
+    // Node keeps 16 bits of it, State 24.
+    if (++stamp_ >= (1U << 16)) {
         stamp_ = 1;
         for (Node &node : nodes_) node.stamp = 0;
         for (CellNode &node : cell_nodes_) node.stamp = 0;
@@ -264,19 +265,16 @@ Route RoutePlanner::plan(const std::int8_t *log_odds, Cell start, Cell goal, dou
 
 RoutePlanner::Node &RoutePlanner::open(std::size_t cell, Cell c) {
     Node &node = nodes_[cell];
-    if (node.stamp != stamp_) {
-        const std::uint32_t octile = octile_units(c);
-        node = {kNoWay, stamp_, to_goal(octile), entering(cell, octile), 0};
-    }
+    if (node.stamp != stamp_) node = {kNoWay, static_cast<std::uint16_t>(stamp_), entering(cell, octile_units(c))};
     return node;
 }
 
 std::uint32_t RoutePlanner::search(Cell start) {
     const auto from = static_cast<std::uint32_t>(index(start.row, start.column));
-    Node &own = open(from, start);
-    own.g = 0;
-    queue_.clear(own.estimate);
-    queue_.push({own.estimate, 0, from});
+    const std::uint32_t least = to_goal(octile_units(start));
+    open(from, start).g = 0;
+    queue_.clear(least);
+    queue_.push({least, 0, from});
     QueuedNode at;
     while (queue_.pop(at)) {
         if (at.cost != nodes_[at.node].g) continue;
@@ -285,26 +283,31 @@ std::uint32_t RoutePlanner::search(Cell start) {
             end_ = at.node;
             return at.cost;
         }
-        for (int move = 0; move < 8; ++move) {
+        // A turn of more than a right angle never pays: what two such moves reach, one reaches for less.
+        const int first = at.node == from ? 0 : came_by_[at.node] + 6;
+        const int last = at.node == from ? 7 : came_by_[at.node] + 10;
+        for (int k = first; k <= last; ++k) {
+            const int move = k & 7;
             const std::size_t next = at.node + offset_[move];
             if (level_[next] == 0) continue;
             const bool slant = move & 1;
             if (slant && (level_[at.node + offset_[move - 1]] == 0 || level_[at.node + offset_[(move + 1) & 7]] == 0)) {
                 continue;
             }
-            Node &node = open(next, {here.row + kRow[move], here.column + kColumn[move]});
+            const Cell there{here.row + kRow[move], here.column + kColumn[move]};
+            Node &node = open(next, there);
             const std::uint32_t g = at.cost + (slant ? diagonal(node.cost) : node.cost);
             if (g >= node.g) continue;
             node.g = g;
-            node.move = static_cast<std::uint8_t>(move);
-            queue_.push({g + node.estimate, g, static_cast<std::uint32_t>(next)});
+            came_by_[next] = static_cast<std::uint8_t>(move);
+            queue_.push({g + to_goal(octile_units(there)), g, static_cast<std::uint32_t>(next)});
         }
     }
     return kNoWay;
 }
 
 void RoutePlanner::trace(std::size_t start) {
-    for (std::size_t at = end_;; at -= offset_[nodes_[at].move]) {
+    for (std::size_t at = end_;; at -= offset_[came_by_[at]]) {
         cells_.push_back(cell_at(at));
         to_go_.push_back((nodes_[end_].g - nodes_[at].g) * resolution_ / kUnit);
         if (at == start) break;

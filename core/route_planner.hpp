@@ -55,11 +55,10 @@ class RoutePlanner {
     int width() const { return width_; }
 
   private:
-    struct Node { // of the search without headings
-        std::uint32_t g, stamp;
-        std::uint32_t estimate; // of the cost from here on
-        std::uint16_t cost;     // of entering the cell straight on
-        std::uint8_t move;
+    struct Node { // of the search without headings; small, as the search is bound by memory
+        std::uint32_t g;
+        std::uint16_t stamp;
+        std::uint16_t cost; // of entering the cell straight on
     };
     struct CellNode { // what the search with headings knows of a cell
         std::uint32_t stamp, expanded_g;
@@ -68,7 +67,7 @@ class RoutePlanner {
         std::uint8_t expanded_heading;
         bool expanded;
     };
-    struct State { // a cell entered with a heading
+    struct State {                   // a cell entered with a heading
         std::uint32_t g, stamp_from; // stamp << 8 | heading before the move
     };
     struct Run {
@@ -105,9 +104,9 @@ class RoutePlanner {
     int height_, width_, stride_; // stride of the padded arrays: a border of blocked cells spares the range checks
     double resolution_;
     RouteCosts costs_;
-    double near_;         // near_goal in units
+    double near_; // near_goal in units
     double inverse_near_;
-    int limit_; // cells up to which clearance is measured
+    int limit_;                                   // cells up to which clearance is measured
     std::uint32_t turn_straight_, turn_diagonal_; // units an eighth of a turn costs
     std::vector<std::uint8_t> level_of_;          // by squared clearance
     std::vector<double> density_of_;              // by level
@@ -118,13 +117,14 @@ class RoutePlanner {
     std::vector<Run> runs_;
     std::vector<int> first_run_; // of each row
     std::vector<Node> nodes_;
+    std::vector<std::uint8_t> came_by_; // the move into each cell
     std::vector<CellNode> cell_nodes_;
     std::vector<State> states_;
     BucketQueue queue_;
     std::uint32_t stamp_ = 0;
-    Cell target_;          // estimates are of the way to it
-    bool leaves_ = false;  // it lies outside, and the route ends at the border
-    std::size_t end_ = 0;  // cell in which the last route ends
+    Cell target_;         // estimates are of the way to it
+    bool leaves_ = false; // it lies outside, and the route ends at the border
+    std::size_t end_ = 0; // cell in which the last route ends
     int end_heading_ = 0;
     int offset_[8];
     std::vector<Cell> cells_;

@@ -22,10 +22,10 @@ struct Waypoint {
 // A point of the planner's last route, made on this window, for a robot on its way to `goal`.
 //
 // Screening: along the route within [min_interval, max_distance], and a free straight line to it.
-// Corrected choice: least of cost from the candidate to the end of the route plus the integral over the straight line to
-// it of 1 + weight (k_obstacle O + k_goal (1 - T_goal) + k_turn rho), rho the turn towards it over pi; among equals the
-// farthest. Literal choice: least of the straight distance to the goal plus the sum over the route's cells up to it of
-// D = 1 / (1 + k_obstacle O + k_goal T_goal + k_turn rho), rho the route's change of heading in the cell over pi.
+// Corrected choice: least of cost from the candidate to the end of the route plus the integral over the straight line
+// to it of 1 + weight (k_obstacle O + k_goal (1 - T_goal) + k_turn rho), rho the turn towards it over pi; among equals
+// the farthest. Literal choice: least of the straight distance to the goal plus the sum over the route's cells up to it
+// of D = 1 / (1 + k_obstacle O + k_goal T_goal + k_turn rho), rho the route's change of heading in the cell over pi.
 // Where no candidate passes, the nearest one is taken.
 Waypoint choose_waypoint(const RoutePlanner &planner, const RouteCosts &costs, const WaypointRules &rules,
                          const Route &route, const std::int8_t *log_odds, const WindowShape &shape,

@@ -32,7 +32,8 @@ struct BoundReplanner {
         for (std::size_t i = 0; i < robots(); ++i) {
             if (!mask.data()[i]) continue;
             for (std::size_t k = 0; k < points.shape(1); ++k) {
-                if (!(std::abs(points(i, k)) < 1e9)) throw nb::value_error((std::string(name) + ": give finite metres, below 1e9").c_str());
+                if (!(std::abs(points(i, k)) < 1e9))
+                    throw nb::value_error((std::string(name) + ": give finite metres, below 1e9").c_str());
             }
         }
     }
@@ -153,23 +154,24 @@ void bind_replanner(nb::module_ &m) {
         .def_rw("corridor_m", &WaypointRules::corridor)
         .def_rw("literal", &WaypointRules::literal);
     nb::class_<ReplannerSetup>(m, "ReplannerSetup")
-        .def("__init__",
-             [](ReplannerSetup *self, int height, int width, double resolution, const Evidence &evidence,
-                std::tuple<double, double, double> mount, double max_range, double reach, double body_radius,
-                const RouteCosts &costs, const WaypointRules &waypoint) {
-                 require_finite({std::get<0>(mount), std::get<1>(mount), std::get<2>(mount)}, "mount");
-                 new (self) ReplannerSetup{{height, width, resolution},
-                                           evidence,
-                                           {std::get<0>(mount), std::get<1>(mount), std::get<2>(mount)},
-                                           max_range,
-                                           reach,
-                                           body_radius,
-                                           costs,
-                                           waypoint};
-             },
-             nb::kw_only(), nb::arg("height"), nb::arg("width"), nb::arg("resolution_m"), nb::arg("evidence"),
-             nb::arg("mount"), nb::arg("max_range_m"), nb::arg("reach_m"), nb::arg("body_radius_m"), nb::arg("costs"),
-             nb::arg("waypoint"));
+        .def(
+            "__init__",
+            [](ReplannerSetup *self, int height, int width, double resolution, const Evidence &evidence,
+               std::tuple<double, double, double> mount, double max_range, double reach, double body_radius,
+               const RouteCosts &costs, const WaypointRules &waypoint) {
+                require_finite({std::get<0>(mount), std::get<1>(mount), std::get<2>(mount)}, "mount");
+                new (self) ReplannerSetup{{height, width, resolution},
+                                          evidence,
+                                          {std::get<0>(mount), std::get<1>(mount), std::get<2>(mount)},
+                                          max_range,
+                                          reach,
+                                          body_radius,
+                                          costs,
+                                          waypoint};
+            },
+            nb::kw_only(), nb::arg("height"), nb::arg("width"), nb::arg("resolution_m"), nb::arg("evidence"),
+            nb::arg("mount"), nb::arg("max_range_m"), nb::arg("reach_m"), nb::arg("body_radius_m"), nb::arg("costs"),
+            nb::arg("waypoint"));
     nb::class_<BoundReplanner>(m, "Replanner")
         .def(nb::new_(&make_replanner), nb::arg("num_robots"), nb::arg("num_threads"), nb::arg("num_beams"),
              nb::arg("angle_min_rad"), nb::arg("angle_increment_rad"), nb::arg("setup"), nb::arg("buffers"))

@@ -181,8 +181,8 @@ class ReplannerSetup:
 class Replanner:
     """Maps and routes of N robots. buffers: arrays owned by the caller, row i for robot i: log_odds (N, height, width)
     i8, origin (N, 2) i64 lattice row and column of the window's cell (0, 0), parity (N) u8, waypoint (N, 2), route (N)
-    metres of route, found (N) u8: 0 no route, 1 to the goal, 2 to the nearest cell or the border. All that changes is in
-    them. mask (N) u8 picks the robots of a call; pose (N, 3) and points (N, 2) are in one frame, the odometry's."""
+    metres of route, found (N) u8: 0 no route, 1 to the goal, 2 to the nearest cell or the border. All that changes is
+    in them. mask (N) u8 picks the robots of a call; pose (N, 3) and points (N, 2) are in one frame, the odometry's."""
     def __init__(
         self,
         num_robots: int,
@@ -202,8 +202,8 @@ class Replanner:
     def plan(self, mask: U8, pose: F64, goal: F64) -> None:
         """Write waypoint, route and found on the way to goals (N, 2). found 0 leaves the other two as they were."""
     def see(self, mask: U8, pose: F64, point: F64, distance_m: float, known: bool, out: U8) -> None:
-        """Write into out (N) whether nothing solid is in a robot's way straight to a point (N, 2), for at most distance_m
-        of it; known: and all of the line has been seen."""
+        """Write into out (N) whether nothing solid is in a robot's way straight to a point (N, 2), for at most
+        distance_m of it; known: and all of the line has been seen."""
 
 class RoutePlanner:
     """A* of eq 22 on windows (height, width) i8 of log-odds, with scratch of its own."""
@@ -215,5 +215,5 @@ class RoutePlanner:
         goal: tuple[int, int],
         heading_rad: float = 0.0,
     ) -> tuple[I32, float, bool]:
-        """(P, 2) cells from start to goal (row, column), their cost in metres, and whether the goal is reached; else the
-        route ends at the border (goal outside of the window) or in the reachable cell nearest to the goal."""
+        """(P, 2) cells (row, column) from start to goal, their cost in metres, and whether the goal is reached; else
+        the route ends at the border (goal outside of the window) or in the reachable cell nearest to the goal."""

@@ -73,9 +73,9 @@ def evaluate(
     """Drive the first `episodes` tasks of a split.
 
     policy: "astar-dwa", "default", a run folder, or an object with act(observation). robot, guidance: of the policy's
-    training when None. seed: changes the noise only. record: tasks whose routes are kept. replanner: constants of guidance
-    `replan`. tasks: instead of those of
-    the split. out: folder for episodes.parquet and summary.json. Raises AdrlError.
+    training when None. seed: changes the noise only. record: tasks whose routes are kept. replanner: constants of
+    guidance `replan`. tasks: instead of those of the split. out: folder for episodes.parquet and summary.json.
+    Raises AdrlError.
     """
     if episodes < 1:
         raise ConfigError(f"episodes is {episodes}; give 1 or more")

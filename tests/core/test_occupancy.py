@@ -13,7 +13,7 @@ from core.arenas import random_world
 from core.replan_twins import HIGH, HIT, LOW, MISS, integrate
 
 SIDE, RES, BEAMS, RANGE = 120, 0.05, 90, 2.5
-ANGLES = -math.pi + 2.0 * math.pi / BEAMS * np.arange(BEAMS)
+ANGLES: Array = -math.pi + 2.0 * math.pi / BEAMS * np.arange(BEAMS, dtype=np.float64)
 ONE = np.ones(1, dtype=np.uint8)
 
 
@@ -50,7 +50,9 @@ def make_native(buffers: dict[str, NDArray[Any]], body_radius_m: float = 0.01) -
 class Mapper:
     """One robot's map, native."""
 
-    def __init__(self, pose: tuple[float, float, float] = (0.0, 0.0, 0.0), body_radius_m: float = 0.01) -> None:
+    def __init__(
+        self, pose: tuple[float, float, float] = (0.0, 0.0, 0.0), body_radius_m: float = 0.01
+    ) -> None:
         self.b = make_buffers()
         self.native = make_native(self.b, body_radius_m)
         self.native.restart(ONE, np.array([pose]))

@@ -130,4 +130,6 @@ def test_the_same_planner_forgets_its_last_window() -> None:
     one, fresh = planner(Costs()), planner(Costs())
     first, second = log_odds(solid_cells((1, 0.06))), log_odds(solid_cells((2, 0.06)))
     one.plan(first, (0, 0), (17, 17))
-    np.testing.assert_array_equal(one.plan(second, (0, 0), (17, 17))[0], fresh.plan(second, (0, 0), (17, 17))[0])
+    np.testing.assert_array_equal(
+        one.plan(second, (0, 0), (17, 17))[0], fresh.plan(second, (0, 0), (17, 17))[0]
+    )

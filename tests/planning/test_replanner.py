@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from adrl.errors import ConfigError
 from adrl.planning.replanner import Motion, Replanner, Thresholds, adapt, on_course, stagnant
 from adrl.planning.replanner_config import Form, ReplannerConfig
-from adrl.types import Array, RobotConfig
+from adrl.types import RobotConfig
 from core.replan_twins import Costs, Grid
 
+Array = NDArray[Any]
 ROBOT = RobotConfig()
 BEAMS = ROBOT.lidar.num_beams
 RANGE = ROBOT.lidar.max_range_m
@@ -108,7 +110,9 @@ def stuck_drives() -> Iterator[tuple[str, Array]]:
     yield "circles", np.column_stack([0.15 * np.sin(3.0 * t), 0.15 * np.cos(3.0 * t) - 0.15, 0 * t])
 
 
-@pytest.mark.parametrize(("name", "poses"), list(stuck_drives()), ids=lambda x: x if isinstance(x, str) else "")
+@pytest.mark.parametrize(
+    ("name", "poses"), list(stuck_drives()), ids=lambda x: x if isinstance(x, str) else ""
+)
 def test_a_trapped_robot_triggers_within_three_seconds(name: str, poses: Array) -> None:
     replanner = one_robot((5.0, 0.0))
     for pose in poses:

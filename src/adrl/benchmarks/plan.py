@@ -101,7 +101,8 @@ def bench_replan(*, queries: int = 100) -> dict[str, Any]:
         durations = []
         for k in range(queries):
             window = (_clutter if k % 2 == 0 else _maze)(rng)
-            start, goal = (tuple(int(i) for i in rng.integers(4, SIDE - 4, 2)) for _ in range(2))
+            ends = rng.integers(4, SIDE - 4, (2, 2))
+            start, goal = ((int(row), int(column)) for row, column in ends)
             if k % 3 == 0:
                 _shut_in(window, *goal)
             query = functools.partial(planner.plan, window, start, goal)

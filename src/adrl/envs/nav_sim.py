@@ -196,7 +196,9 @@ class NavSim:
         self._time_limit_s[:] = state["time_limit_s"]
         if self.replanner is not None:
             prefix = "replanner."
-            own = {name.removeprefix(prefix): array for name, array in state.items() if name.startswith(prefix)}
+            own = {
+                name.removeprefix(prefix): array for name, array in state.items() if name.startswith(prefix)
+            }
             self.replanner.set_state(own)
         for i, task in enumerate(tasks):
             self.tasks[i] = task

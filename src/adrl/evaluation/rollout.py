@@ -58,8 +58,8 @@ def rollout(
     """Drive every task once.
 
     seed: of the sensors' noise and of odometry drift, nothing else; every policy meets the same. record: number of
-    tasks, from the first, whose routes are kept. replanner, maturity: see NavSim. first_task: number of tasks[0] in its split. on_step(ended, total)
-    is told the progress. Raises TaskError for no tasks.
+    tasks, from the first, whose routes are kept. replanner, maturity: see NavSim. first_task: number of tasks[0] in
+    its split. on_step(ended, total) is told the progress. Raises TaskError for no tasks.
     """
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
@@ -91,7 +91,9 @@ def rollout(
         part, kept = _drive(policy, sim, numbers, keep, progress)
         parts.append(part)
         routes += kept
-        counted = np.zeros(len(chunk), dtype=np.int64) if sim.replanner is None else sim.replanner.replans.copy()
+        counted = (
+            np.zeros(len(chunk), dtype=np.int64) if sim.replanner is None else sim.replanner.replans.copy()
+        )
         replans.append(counted)
         done += len(chunk)
     return Rollout(episodes=_concatenate(parts), routes=routes, replans=np.concatenate(replans))
