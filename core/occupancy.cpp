@@ -54,10 +54,15 @@ void clear_window(std::int8_t *log_odds, const WindowShape &shape, WindowOrigin 
 void follow_robot(std::int8_t *log_odds, const WindowShape &shape, WindowOrigin &origin, Vec2 robot) {
     const std::int64_t row = lattice(robot.y, shape.resolution) - origin.row;
     const std::int64_t column = lattice(robot.x, shape.resolution) - origin.column;
-    const auto inside = [](std::int64_t at, int side) { return at >= side / 4 && at < side - side / 4; };
-    if (inside(row, shape.height) && inside(column, shape.width)) return;
-    const std::int64_t down = row - shape.height / 2;
-    const std::int64_t left = column - shape.width / 2;
+    // How far to move, so that it need not be done again at once.
+    const auto beyond = [](std::int64_t at, int side) -> std::int64_t {
+        const int border = side / 4;
+        if (at < border) return at - border - side / 16;
+        return at >= side - border ? at - (side - 1 - border) + side / 16 : 0;
+    };
+    const std::int64_t down = beyond(row, shape.height);
+    const std::int64_t left = beyond(column, shape.width);
+    if (down == 0 && left == 0) return;
     shift(log_odds, shape, down, left);
     origin.row += down;
     origin.column += left;

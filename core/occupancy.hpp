@@ -33,7 +33,8 @@ struct WindowOrigin {
 // Forgets all and puts the robot in the window's middle.
 void clear_window(std::int8_t *log_odds, const WindowShape &shape, WindowOrigin &origin, Vec2 robot);
 
-// Moves the window so that the robot is in its middle again once it has come within a quarter of the side of a border.
+// Moves the window once the robot has come within a quarter of the side of a border, and no farther than needed: what
+// lies behind the robot is often the way back.
 void follow_robot(std::int8_t *log_odds, const WindowShape &shape, WindowOrigin &origin, Vec2 robot);
 
 // True when no solid cell's centre is within `radius` of the straight line. Near `from` less is asked: what the robot

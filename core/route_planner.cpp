@@ -16,6 +16,8 @@ constexpr int kRow[8] = {0, 1, 1, 1, 0, -1, -1, -1};
 constexpr int kColumn[8] = {1, 1, 0, -1, -1, -1, 0, 1};
 constexpr int kDiagonalUnits = 90; // below 64 sqrt 2: estimates never exceed the cost
 constexpr std::uint32_t kNoWay = ~0U;
+constexpr double kNearEnough =
+    0.3; // metres: a goal that close to a cell that can be reached is not left for the border
 
 // sqrt 2, rounded up.
 std::uint32_t diagonal(std::uint32_t straight) { return (straight * 1449 + 1023) >> 10; }
@@ -185,24 +187,24 @@ void RoutePlanner::aim(Cell start, Cell goal) {
     }
     const int joined = root(start_run);
     target_ = start;
-    leaves_ = false;
-    const bool outside = !in_window(goal);
+    bool joins_border = false;
     double least = std::hypot(start.row - goal.row, start.column - goal.column);
     for (int k = 0; k < static_cast<int>(runs_.size()); ++k) {
         const Run &run = runs_[k];
-        const bool at_border = run.row == 0 || run.row == height_ - 1 || run.first == 0 || run.last == width_ - 1;
-        if (outside && at_border && root(k) == joined) {
-            target_ = goal;
-            leaves_ = true;
-            return;
-        }
+        if (root(k) != joined) continue;
+        joins_border |= run.row == 0 || run.row == height_ - 1 || run.first == 0 || run.last == width_ - 1;
         const int column = std::clamp(goal.column, run.first, run.last);
         const double away = std::hypot(run.row - goal.row, column - goal.column);
-        if (away < least && root(k) == joined) {
-            least = away;
-            target_ = {run.row, column};
-        }
+        if (away >= least) continue;
+        least = away;
+        target_ = {run.row, column};
     }
+    // A goal outside, or shut off within the window: the way there may lie beyond it.
+    leaves_ = joins_border && least > 0.0;
+    if (leaves_ && !(in_window(goal) && least * resolution_ <= kNearEnough))
+        target_ = goal;
+    else
+        leaves_ = false;
 }
 
 std::uint32_t RoutePlanner::octile_units(Cell c) const {

@@ -38,9 +38,11 @@ class RoutePlanner {
 
     RoutePlanner(int height, int width, double resolution, const RouteCosts &costs);
 
-    // log_odds (height x width): solid above 0. The route to a goal outside of the window ends in the border cell from
-    // which the octile rest of the way is least in all. heading: of the robot, radians,
-    // counted with `headings` only. The start counts as free, and around it as much clearance is asked for as it has.
+    // log_odds (height x width): solid above 0. The route to a goal outside of the window, or one that is shut off
+    // within it, ends in the border cell from which the octile rest of the way is least in all. Where the border is
+    // shut off too, or a cell within 0.3 m of the goal can be reached, it ends in the reachable cell nearest to the
+    // goal. heading: of the robot, radians, counted with `headings` only. The start counts as free, and around it as
+    // much clearance is asked for as it has.
     Route plan(const std::int8_t *log_odds, Cell start, Cell goal, double heading);
 
     // Of the last plan:

@@ -56,12 +56,17 @@ def test_cost_is_dijkstras(
     solid = solid_cells(window)
     route, cost, reached = planner(costs).plan(log_odds(solid), start, goal, heading)
     end: Cell = tuple(route[-1])  # pyright: ignore
-    grid = Grid(solid, costs, start, end)
-    truth = dijkstra(grid, start, heading)
+    reachable = dijkstra(Grid(solid, costs, start, goal), start, heading)
+    nearest = min(math.dist(cell, goal) for cell in reachable)
+    border = [cell for cell in reachable if {0, SIDE - 1} & set(cell)]
+    leaves = bool(border) and nearest * costs.resolution_m > 0.3
+    if leaves:
+        assert end in border  # the way to the goal may lie beyond the window
+    else:
+        assert math.dist(end, goal) == pytest.approx(nearest)
+    assert reached == (goal in reachable) == (end == goal)
+    truth = dijkstra(Grid(solid, costs, start, goal if leaves else end), start, heading)
     assert cost == pytest.approx(truth[end] * costs.resolution_m / UNIT)
-    assert reached == (goal in truth) == (end == goal)
-    # Where the goal cannot be reached, no cell that can is nearer to it.
-    assert min(math.dist(cell, goal) for cell in truth) == pytest.approx(math.dist(end, goal))
 
 
 @FORMS
