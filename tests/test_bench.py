@@ -8,11 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from adrl.api import default_policy_folder
+from adrl.benchmarks.act import bench_act
 from adrl.benchmarks.learn import bench_learn, flops_per_update
-from adrl.benchmarks.plan import bench_dwa, bench_map
+from adrl.benchmarks.plan import bench_dwa, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.benchmarks.timing import median_seconds, rate_per_second
 from adrl.commands.bench import _gather
+from adrl.deploy.policy import load_policy
 from adrl.errors import ConfigError
 from map_files import write_map
 from small_run import run_cli
@@ -104,6 +107,15 @@ def test_learn(capfd: pytest.CaptureFixture[str]) -> None:
 def test_learn_needs_widths(widths: tuple[int, ...]) -> None:
     with pytest.raises(ConfigError, match="width"):
         bench_learn(widths=widths)
+
+
+def test_replan_and_policy_step() -> None:
+    results = bench_replan(queries=4)
+    assert results["cells"] == [400, 400]
+    for name in ("plain", "headings"):
+        assert 0.0 < results[name]["p50_ms"] <= results[name]["p99_ms"]
+    step = bench_act(load_policy(default_policy_folder()), steps=20)
+    assert 0.0 < step["p50_ms"] <= step["p99_ms"]
 
 
 @pytest.mark.parametrize("seconds", [math.nan, math.inf, 0.0, -1.0])

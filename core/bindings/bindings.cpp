@@ -145,6 +145,7 @@ std::shared_ptr<World> make_world(const In<double, Rows3> &circles, const In<dou
 } // namespace
 
 void bind_batch_sim(nb::module_ &m);
+void bind_replanner(nb::module_ &m);
 
 NB_MODULE(_core, m) {
     nb::set_leak_warnings(false); // robots in module globals outlive the interpreter; nothing is lost
@@ -164,4 +165,5 @@ NB_MODULE(_core, m) {
     m.def("shorten_path", &shorten_path_on, nb::arg("blocked").noconvert(), nb::arg("cells").noconvert());
     m.def("integrate", &integrate_many, nb::arg("poses").noconvert(), nb::arg("twists").noconvert(), nb::arg("dt_s"));
     bind_batch_sim(m);
+    bind_replanner(m);
 }

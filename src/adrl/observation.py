@@ -68,7 +68,7 @@ class ObservationEncoder:
         away = np.abs(np.remainder(angles - centres[:, None] + math.pi, 2.0 * math.pi) - math.pi)  # (S, K)
         sector, self._order = np.nonzero(away <= 0.5 * width + 1e-9)
         self._covered, self._first = np.unique(sector, return_index=True)
-        self._extent = _extent(robot, centres).astype(np.float32)
+        self._extent = footprint_extent(robot, centres).astype(np.float32)
         self._log_scale = np.float32(1.0 / math.log1p(robot.lidar.max_range_m / self.config.near_m))
         self._inverse_near = np.float32(1.0 / self.config.near_m)
 
@@ -151,7 +151,7 @@ def to_action(twist: Array, robot: RobotConfig) -> F32:
     return np.clip(action, -1.0, 1.0).astype(np.float32)
 
 
-def _extent(robot: RobotConfig, angles: Array) -> Array:
+def footprint_extent(robot: RobotConfig, angles: Array) -> Array:
     """(S,) distance from the LiDAR to the footprint's edge along each angle; 0 for a LiDAR outside of it."""
     mount = np.array([robot.lidar.mount_x_m, robot.lidar.mount_y_m])
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)

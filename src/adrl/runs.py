@@ -25,6 +25,7 @@ from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Demonstrations, Source, collect, load_minari
 from adrl.imitation.probe import Probe, probe_steps, record_probe
 from adrl.observation import EncoderConfig
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards.config import STANDING_AT_WORST
 from adrl.rewards.terms import reference_period_s
 from adrl.types import RobotConfig, Scenario
@@ -49,7 +50,9 @@ class RunConfig(Place):
     paper_literal: bool = False
     """Compute every equation as the paper prints it, whatever the method."""
     guidance: str = "goal"
-    """goal: the policy sees the final goal; map: a waypoint on the A* path of the known map."""
+    """goal: the policy sees the final goal; replan: that, and waypoints of its own map when it is stuck (eqs 18-23);
+    map: a waypoint on the A* path of the known map."""
+    replanner: ReplannerConfig = field(default_factory=ReplannerConfig)
     out: Path | None = None
     """Run folder; runs/METHOD-SCENARIO-sSEED when left out."""
     resume: bool = False
@@ -89,6 +92,10 @@ class RunConfig(Place):
         """The learner's configuration as the method has it."""
         learner = method_config(self.method, self.learner)
         return learner.literal() if self.paper_literal else learner
+
+    def resolved_replanner(self) -> ReplannerConfig:
+        """The replanner's constants, as printed where all is."""
+        return self.replanner.literal() if self.paper_literal else self.replanner
 
 
 def _check_horizon(learner: TrainConfig) -> None:
@@ -165,6 +172,7 @@ def env_maker(
         scenario=scenario,
         robot=robot,
         guidance=config.guidance,
+        replanner=config.resolved_replanner(),
         task_pool=config.task_pool,
         encoder=config.encoder,
         reward_config=learner.reward,
@@ -220,6 +228,7 @@ def about_policy(config: RunConfig, robot: RobotConfig, scenario: Scenario, out:
                 "task_priority": config.task_priority,
                 "randomize": config.randomize,
             },
+            "replanner": asdict(config.resolved_replanner()),
             "run": out.name,
             "scenario": scenario.name,
             "settings": json.loads(json.dumps(run, default=str)),
@@ -244,6 +253,8 @@ def validation(
             guidance=config.guidance,
             encoder=config.encoder,
             num_threads=1,
+            replanner=config.resolved_replanner(),
+            maturity=policy.config.maturity,
             rewards=Rewards(config=learner.reward, gamma=learner.td3.gamma, maturity=maturity),
         )
         return Validation(

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Guidance = str
 """One of GUIDANCE."""
 
-GUIDANCE = ("goal", "map")
+GUIDANCE = ("goal", "replan", "map")
 Form = Literal["literal", "corrected"]
 """How an equation of the paper is computed: as printed, or as docs/fidelity.md says it has to be read."""
 FORMS: tuple[Form, ...] = get_args(Form)

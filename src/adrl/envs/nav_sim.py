@@ -3,6 +3,7 @@
 No autoreset and no Gymnasium: NavVectorEnv and the evaluation's rollout are built on this.
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +15,8 @@ from adrl import _core
 from adrl.envs.randomization import NOMINAL, Randomization, draw_params
 from adrl.errors import UnknownName
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
+from adrl.planning.replanner import Replanner
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, Step, features, terms
 from adrl.types import GUIDANCE, Array, RobotConfig, Task
 
@@ -51,9 +54,14 @@ class NavSim:
         randomization: Randomization = NOMINAL,
         encoder: EncoderConfig | None = None,
         reward: RewardConfig | None = None,
+        replanner: ReplannerConfig | None = None,
+        maturity: float = 0.0,
         num_threads: int = 1,
     ) -> None:
-        """num_threads: 0 takes one per core. Raises UnknownName for a guidance that does not exist."""
+        """num_threads: 0 takes one per core. replanner, maturity: for guidance `replan`, S being the policy's.
+
+        Raises UnknownName for a guidance that does not exist.
+        """
         if guidance not in GUIDANCE:
             raise UnknownName("guidance", guidance, GUIDANCE)
         self.num_envs = num_envs
@@ -67,6 +75,11 @@ class NavSim:
         config.lookahead_m = LOOKAHEAD_M if guidance == "map" else 0.0
         config.dwa_lookahead_m = min(max(1.5 * robot.max_speed_mps, 0.5), 3.0)
         self.native = _core.BatchSim(num_envs, num_threads, robot.native, config, self.b)
+        self.replanner: Replanner | None = None
+        if guidance == "replan":
+            self.replanner = Replanner(
+                num_envs, robot, replanner, maturity=maturity, num_threads=self.native.num_threads
+            )
         self.tasks: list[Task | None] = [None] * num_envs
         self._time_limit_s = np.full(num_envs, np.inf)
         self._last_action = np.zeros((num_envs, 2), dtype=np.float32)
@@ -103,6 +116,10 @@ class NavSim:
         self.b["active"][indices] = 1
         self._last_action[indices] = to_action(np.zeros((1, 2)), self.robot)
         self.native.reset(mask)
+        if self.replanner is not None:
+            goals = np.array([task.goal for task in tasks]).reshape(-1, 2)
+            self.replanner.reset(indices, goals, self.b["odometry"][indices])
+            self.b["waypoint"][:] = self.replanner.waypoints
         # A robot that has just started is not stagnant: its window begins full.
         self._displacements[indices] = self.robot.max_speed_mps * self.robot.control_period_s
         self._features[indices] = features(self._snapshot(), self.reward)[indices]
@@ -119,11 +136,14 @@ class NavSim:
         """Execute (N, 2) normalised actions for one control period on every active robot."""
         b = self.b
         before_pose = b["pose"].copy()
+        before_guided = self._guided_pose().copy()
         before_waypoint = b["waypoint"].copy()
         before_distance = self._distance()
         self._last_action = np.clip(actions, -1.0, 1.0).astype(np.float32)
         b["command"][:] = to_twist(actions, self.robot)
         self.native.step()
+        if self.replanner is not None:
+            b["waypoint"][:] = before_waypoint  # the step is judged by the point it was driven for
         moved = np.hypot(*(b["pose"][:, :2] - before_pose[:, :2]).T)
         self._displacements = np.concatenate([self._displacements[:, 1:], moved[:, None]], axis=1)
         reached, collided = b["reached"].astype(bool), b["collided"].astype(bool)
@@ -136,8 +156,8 @@ class NavSim:
             turn_rad=_wrap(b["pose"][:, 2] - before_pose[:, 2]),
             coordinate_distance_m=self._coordinate_distance(collided),
             previous_distance_m=before_distance,
-            heading_error_rad=_heading_error(b["pose"], before_waypoint),
-            previous_heading_error_rad=_heading_error(before_pose, before_waypoint),
+            heading_error_rad=_heading_error(self._guided_pose(), before_waypoint),
+            previous_heading_error_rad=_heading_error(before_guided, before_waypoint),
         )
         outcome = Outcome(
             reached=reached,
@@ -146,6 +166,10 @@ class NavSim:
             reward_terms=terms(step, self.reward),
             features=self._features,
         )
+        if self.replanner is not None:
+            active = b["active"].astype(bool)
+            b["waypoint"][:] = self.replanner.update(b["ranges"], b["odometry"], b["twist"], active)
+            step = dataclasses.replace(step, distance_m=self._distance())
         self._features = features(step, self.reward)
         return outcome
 
@@ -163,6 +187,8 @@ class NavSim:
             "features": self._features,
             "time_limit_s": self._time_limit_s,
         }
+        if self.replanner is not None:
+            own |= {f"replanner.{name}": array for name, array in self.replanner.state().items()}
         return {name: array.copy() for name, array in (self.b | own).items()}
 
     def set_state(self, state: Mapping[str, NDArray[Any]], tasks: Sequence[Task | None]) -> None:
@@ -173,16 +199,30 @@ class NavSim:
         self._displacements = state["displacements"].copy()
         self._features = state["features"].copy()
         self._time_limit_s[:] = state["time_limit_s"]
+        if self.replanner is not None:
+            prefix = "replanner."
+            own = {
+                name.removeprefix(prefix): array for name, array in state.items() if name.startswith(prefix)
+            }
+            self.replanner.set_state(own)
         for i, task in enumerate(tasks):
             self.tasks[i] = task
             if task is not None:
                 self.native.set_task(i, task.native)
 
     def _distance(self) -> Array:
-        """(N,) metres to the goal: along the path for guidance `map`, straight otherwise."""
+        """(N,) metres to the goal: straight, or along the path for guidance `map`.
+
+        For `replan` straight to the waypoint and from there along the robot's own route, which no step changes.
+        """
         if self.guidance == "map":
             return self.b["route_left"].copy()
-        return np.hypot(*(self.b["waypoint"] - self.b["pose"][:, :2]).T)
+        straight = np.hypot(*(self.b["waypoint"] - self._guided_pose()[:, :2]).T)
+        return straight if self.replanner is None else straight + self.replanner.beyond_m
+
+    def _guided_pose(self) -> Array:
+        """(N, 3) poses in the frame that waypoints are given in: replanned ones are in the odometry's."""
+        return self.b["pose"] if self.replanner is None else self.b["odometry"]
 
     def _coordinate_distance(self, rows: Mask) -> Array:
         """(N,) metres from the robot's centre to the nearest obstacle's coordinates, for the literal eq 8.
@@ -202,7 +242,7 @@ class NavSim:
         """The current state as the reward sees it; without changes, one in which nothing has moved."""
         n = self.num_envs
         distance = self._distance()
-        error = _heading_error(self.b["pose"], self.b["waypoint"])
+        error = _heading_error(self._guided_pose(), self.b["waypoint"])
         values: dict[str, Any] = {
             "reached": np.zeros(n, dtype=bool),
             "collided": np.zeros(n, dtype=bool),

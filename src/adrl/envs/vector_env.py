@@ -14,6 +14,7 @@ from adrl.envs.randomization import MILD, NOMINAL, Randomization
 from adrl.envs.render import Renderer
 from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward
 from adrl.types import RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, robot_from_fields, task_set
@@ -69,6 +70,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         randomize: bool | Randomization = True,
         encoder: EncoderConfig | Mapping[str, Any] | None = None,
         reward_config: RewardConfig | None = None,
+        replanner: ReplannerConfig | None = None,
         maturity: float = 0.5,
         seed: int = 0,
         num_threads: int = 1,
@@ -80,7 +82,9 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
 
         robot, encoder: also as their fields, as JSON gives them.
         randomize: False for the nominal robot, True for mild variation, or a Randomization.
-        maturity: S of eq 13, which sets the reward weights (eqs 14-16); the learner forms its own.
+        replanner: constants of guidance `replan`.
+        maturity: S of eq 13, which sets the reward weights (eqs 14-16), where the learner forms its own, and the
+        replanner's thresholds (eq 20).
         seed: used until reset(seed=...) gives another. num_threads: 0 takes one per core.
         autoreset_mode: SAME_STEP, or DISABLED to reset with options={"reset_mask": mask}.
         """
@@ -97,6 +101,8 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             randomization=randomization,
             encoder=EncoderConfig(**encoder) if isinstance(encoder, Mapping) else encoder,
             reward=reward_config,
+            replanner=replanner,
+            maturity=maturity,
             num_threads=num_threads,
         )
         self.maturity = maturity

@@ -11,6 +11,7 @@ from adrl.envs import NOMINAL, NavSim, Randomization
 from adrl.errors import TaskError
 from adrl.evaluation.metrics import Episodes
 from adrl.observation import EncoderConfig
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward
 from adrl.types import Array, Policy, RobotConfig, Task
 
@@ -39,6 +40,8 @@ class Rollout:
     """(E, D) observations of the start states."""
     discounted_return: Array
     """(E,) sum_t gamma^t R_t; zeros where no rewards were asked for."""
+    replans: NDArray[np.int64]
+    """(E,) interventions of the replanner in each episode; 0 without guidance `replan`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +63,8 @@ def rollout(
     guidance: str = "goal",
     encoder: EncoderConfig | None = None,
     randomization: Randomization = NOMINAL,
+    replanner: ReplannerConfig | None = None,
+    maturity: float = 0.0,
     seed: int = 0,
     num_threads: int = 0,
     record: int = 0,
@@ -70,12 +75,13 @@ def rollout(
     """Drive every task once.
 
     seed: of the sensors' noise and of odometry drift, nothing else; every policy meets the same. record: number of
-    tasks, from the first, whose routes are kept. first_task: number of tasks[0] in its split. rewards: those to add
-    up, if any. on_step(ended, total) is told the progress. Raises TaskError for no tasks.
+    tasks, from the first, whose routes are kept. replanner, maturity: see NavSim. first_task: number of tasks[0] in
+    its split. rewards: those to add up, if any. on_step(ended, total) is told the progress. Raises TaskError for no
+    tasks.
     """
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
-    parts, routes, starts, returns, done = [], [], [], [], 0
+    parts, routes, starts, returns, replans, done = [], [], [], [], [], 0
     for first in range(0, len(tasks), CHUNK):
         chunk = tasks[first : first + CHUNK]
         sim = NavSim(
@@ -85,6 +91,8 @@ def rollout(
             randomization=randomization,
             encoder=encoder,
             reward=None if rewards is None else rewards.config,
+            replanner=replanner,
+            maturity=maturity,
             num_threads=num_threads,
         )
         numbers = first_task + first + np.arange(len(chunk))
@@ -104,12 +112,16 @@ def rollout(
         parts.append(part)
         routes += kept
         returns.append(earned)
+        replans.append(
+            np.zeros(len(chunk), np.int64) if sim.replanner is None else sim.replanner.replans.copy()
+        )
         done += len(chunk)
     return Rollout(
         episodes=_concatenate(parts),
         routes=routes,
         start=np.concatenate(starts),
         discounted_return=np.concatenate(returns),
+        replans=np.concatenate(replans),
     )
 
 
