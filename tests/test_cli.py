@@ -95,7 +95,7 @@ class TestHelp:
         run_cli(*command.split(), "--help")
         shown = explained(capsys.readouterr().out)
         fields = {field.name.replace("_", "-") for field in dataclasses.fields(OPTIONS[command])}
-        assert fields - {"learner", "encoder"} - SUPPRESSED.get(command, set()) <= shown.keys()
+        assert fields - {"learner", "encoder", "replanner"} - SUPPRESSED.get(command, set()) <= shown.keys()
         for name, text in shown.items():
             assert len(text) >= 10, f"adrl {command} --{name} is not explained"
             for ending, unit in UNITS.items():

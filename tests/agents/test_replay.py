@@ -183,3 +183,35 @@ def test_foreign_data_are_refused_with_what_to_do():
     fill(smaller, 5, 0)
     with pytest.raises(CheckpointError, match="observation"):
         replay.set_state(smaller.state())
+
+
+@given(st.integers(1, 4), st.integers(4, 60), st.integers(1, 4), st.integers(0, 10_000))
+@settings(max_examples=40)
+def test_the_last_rows_lead_to_failures(num_envs: int, steps: int, n_step: int, seed: int):
+    """Each is a whole window of the ring, in which or soon after which its environment fails."""
+    replay = Replay(12, num_envs, D, n_step, GAMMA, failure_share=0.25)
+    twin = fill(replay, steps, seed)
+    restored = Replay(12, num_envs, D, n_step, GAMMA, failure_share=0.25)
+    restored.set_state({name: np.array(array) for name, array in replay.state().items()})
+    batch = replay.sample(np.random.default_rng(seed), 3, 40, 0)
+    for a, b in zip(batch, restored.sample(np.random.default_rng(seed), 3, 40, 0), strict=True):
+        assert_array_equal(a, b)
+    expected: dict[bytes, dict] = {}
+    for ring in twin:
+        rows = list(ring)
+        for failed in [i for i, row in enumerate(rows) if row["terminated"] and row["terms"][1] < 0.0]:
+            for start in range(max(0, failed - 9), failed + 1):
+                key = rows[start]["observation"].tobytes()
+                expected[key] = window(rows, start, min(n_step, len(rows) - start))
+    if not expected:
+        return
+    seen = set()
+    for update in range(3):
+        for row in range(30, 40):
+            key = batch.observation[update, row].tobytes()
+            assert key in expected
+            for name in ("action", "bootstrap_discount", "step_discount"):
+                got, value = getattr(batch, name)[update, row], np.asarray(expected[key][name])
+                assert_allclose(got[: len(value)] if value.ndim else got, value, rtol=1e-6)
+            seen.add(key)
+    assert len(seen) > 1 or len(expected) == 1

@@ -95,6 +95,9 @@ class TrainConfig:
     """Weigh the reward by today's S (eqs 14-17); if not, by static_maturity."""
     static_maturity: float = 0.5
     """S of the reward weights where they are static."""
+    failure_share: float = 0.06
+    """Share of the online rows of a batch that come from the last second before a failure. They would be rare: a
+    policy that nearly always arrives forgets how near is too near."""
     mirror: bool = True
     """Mirror half of the rows of every batch, left for right: what a symmetric robot learns in a world it also
     learns in the mirrored one. Robots whose body or LiDAR is not symmetric are never mirrored."""
@@ -115,7 +118,7 @@ class TrainConfig:
         _check(self, 0, 2**63 - 1, "seed")
         _check(self, 0, math.inf, "start_steps", "pretrain_updates", "critic_warmup_updates")
         _check(self, 1, math.inf, "updates_per_iteration", "replay_capacity", "log_interval_steps")
-        _check(self, 0.0, 1.0, "static_maturity")
+        _check(self, 0.0, 1.0, "static_maturity", "failure_share")
         if self.updates_per_iteration % self.td3.policy_delay:
             raise ConfigError(
                 f"TrainConfig.updates_per_iteration is {self.updates_per_iteration}; give a multiple of "

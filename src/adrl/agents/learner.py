@@ -54,7 +54,9 @@ class Learner:
         rows = max(config.replay_capacity // num_envs, 1)
         of_targets = config.td3.n_step, config.td3.gamma
         self._mirror = mirror if config.mirror else None
-        self.replay = Replay(rows, num_envs, observation_size, *of_targets, demonstrations, self._mirror)
+        self.replay = Replay(
+            rows, num_envs, observation_size, *of_targets, demonstrations, self._mirror, config.failure_share
+        )
         self._probe = None if probe is None else jnp.array(probe.observation, copy=True)
         self._bounds = None if probe is None else BoundsTable(probe, config.td3.gamma, config.reward)
         self._returns: list[float] = []

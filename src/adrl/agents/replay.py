@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from adrl.agents.failures import Failures
 from adrl.agents.losses import Batch, ExpertBatch
 from adrl.errors import CheckpointError, DatasetError
 from adrl.imitation.demonstrations import Demonstrations
@@ -22,6 +23,9 @@ F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 NUM_TERMS, NUM_FEATURES, ACTION_SIZE = 6, 3, 2
+FAILURE_TERM = 1
+FAILURE_STEPS = 10
+"""A window drawn for a failure starts up to so many steps, one second of the default robot, before it ends."""
 CONTINUES, TERMINATED, TRUNCATED = 0, 1, 2
 """What a step does to its episode."""
 
@@ -38,10 +42,13 @@ class Replay:
         gamma: float,
         demonstrations: Demonstrations | None = None,
         mirror: Mirror | None = None,
+        failure_share: float = 0.0,
     ) -> None:
         """rows: T, at least n_step. n_step, gamma: of the targets. mirror: every other row that is sampled is
-        mirrored by it. Raises DatasetError if D differs."""
-        self._mirror = mirror
+        mirrored by it. failure_share: of the online rows sampled, those that lead to a failure. Raises DatasetError
+        if D differs."""
+        self._mirror, self._failure_share = mirror, failure_share
+        self._failures = Failures()
         self.n_step = n_step
         self.rows = max(rows, n_step)
         self.num_envs = num_envs
@@ -62,10 +69,8 @@ class Replay:
             name: a[: self._ring].reshape(*shape, *a.shape[1:]) for name, a in self._store.items()
         }
         self._labels = np.zeros((self.expert_steps, ACTION_SIZE), np.float32)
-        self.head = 0
-        """Row written next."""
-        self.count = 0
-        """Rows that hold data."""
+        self.steps = 0
+        """Rows written since the start of the run."""
         if demonstrations is not None:
             self._load(demonstrations, observation_size)
 
@@ -109,8 +114,18 @@ class Replay:
         online["signals"][:, head, NUM_TERMS:-1] = features
         online["signals"][:, head, -1] = maturity
         online["ending"][:, head] = _ending(terminated, truncated)
-        self.head = (head + 1) % self.rows
-        self.count = min(self.count + 1, self.rows)
+        self._failures.add(self.steps, terminated & (terms[:, FAILURE_TERM] < 0.0))
+        self.steps += 1
+
+    @property
+    def head(self) -> int:
+        """Row written next."""
+        return self.steps % self.rows
+
+    @property
+    def count(self) -> int:
+        """Rows that hold data."""
+        return min(self.steps, self.rows)
 
     @property
     def ready(self) -> bool:
@@ -120,7 +135,8 @@ class Replay:
     def sample(self, rng: np.random.Generator, updates: int, online_rows: int, expert_rows: int) -> Batch:
         """Batches of `updates` updates, the expert rows of each first: arrays (updates, rows, ...), fresh.
 
-        Windows are drawn uniformly from each of the two buffers. target_noise is drawn too.
+        Windows are drawn uniformly from each of the two buffers, but for the last failure_share of the online rows,
+        which lead to failures where there are any. target_noise is drawn too.
         """
         windows = np.empty((updates, expert_rows + online_rows, self.n_step), np.int64)
         if expert_rows:
@@ -131,6 +147,12 @@ class Replay:
             windows[:, expert_rows:] = self._online_windows(rng, updates * online_rows).reshape(
                 updates, online_rows, -1
             )
+        self._failures.forget_before(self.steps - self.count)
+        to_failures = round(self._failure_share * online_rows)
+        if to_failures and len(self._failures):
+            windows[:, -to_failures:] = self._failure_windows(rng, updates * to_failures).reshape(
+                updates, to_failures, -1
+            )
         noise = rng.standard_normal((*windows.shape[:2], ACTION_SIZE), dtype=np.float32)
         return self.gather(windows, noise)
 
@@ -140,6 +162,12 @@ class Replay:
         env, offset = np.divmod(rng.integers(self.num_envs * starts, size=count), starts)
         steps = (self.head - self.count + offset)[:, None] + np.arange(self.n_step)
         return steps % self.rows + (env * self.rows)[:, None]
+
+    def _failure_windows(self, rng: np.random.Generator, count: int) -> NDArray[np.int64]:
+        """(count, n) indices. A window that runs over the write head stops at the failure before it."""
+        steps, env = self._failures.draw(rng, count)
+        starts = np.maximum(steps - rng.integers(FAILURE_STEPS, size=count), self.steps - self.count)
+        return (starts[:, None] + np.arange(self.n_step)) % self.rows + (env * self.rows)[:, None]
 
     def _expert_windows(self, rng: np.random.Generator, count: int) -> NDArray[np.int64]:
         """(count, n) indices. A window stops at the end of its episode, so it may start anywhere."""
@@ -211,13 +239,12 @@ class Replay:
     def state(self) -> dict[str, NDArray[Any]]:
         """The online rows that hold data, and the head: enough for a byte-equal resume."""
         filled = {name: array[:, : self.count] for name, array in self._online.items()}
-        return filled | {"position": np.array([self.head, self.count], dtype=np.int64)}
+        return filled | {"steps": np.array(self.steps, dtype=np.int64)}
 
     def set_state(self, state: dict[str, NDArray[Any]]) -> None:
         """Continue from what state() returned. Raises CheckpointError if it is of another shape."""
-        head, count = (int(x) for x in state["position"])
-        if not (0 <= head < self.rows and 0 <= count <= self.rows):
-            raise CheckpointError(f"the checkpoint's replay has more than this run's {self.rows} rows")
+        steps = int(state["steps"])
+        count = min(steps, self.rows)
         for name, array in self._online.items():
             expected = (self.num_envs, count, *array.shape[2:])
             if state[name].shape != expected or state[name].dtype != array.dtype:
@@ -225,7 +252,11 @@ class Replay:
                     f"the checkpoint's replay {name!r} is {state[name].shape}, not {expected}"
                 )
             array[:, :count] = state[name]
-        self.head, self.count = head, count
+        self.steps, self._failures = steps, Failures()
+        for step in range(steps - count, steps):
+            row = step % self.rows
+            ended = self._online["ending"][:, row] == TERMINATED
+            self._failures.add(step, ended & (self._online["signals"][:, row, FAILURE_TERM] < 0.0))
 
 
 def _ending(terminated: Mask, truncated: Mask) -> NDArray[np.uint8]:

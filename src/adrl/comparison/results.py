@@ -143,7 +143,7 @@ _COLUMNS = (
     _Column("Av.T s", "time_s", 1),
     _Column("opt.", "optimality", 2),
     _Column("SPL", "spl", 2),
-    _Column("90 % s", "seconds_to_90", 0),
+    _Column("90 % s", "seconds_to_90", 1),
     _Column("adrl better %", "improvement", 0, 100.0, True),
 )
 CAPTION = (

@@ -1,0 +1,139 @@
+"""What each equation does as printed: trains ADRL with one literal equation at a time, for docs/fidelity.md's table.
+
+    python docs/fidelity.py [--steps N] [--seeds N] [--out DIR]
+
+Every row is ADRL on `clutter` with that one equation literal and all others corrected, evaluated on validation tasks.
+The equations of the replanner do not touch training: they are compared on `complex` with the shipped policy.
+The same command goes on where it was stopped. The table stands between the two markers of docs/fidelity.md.
+"""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import tyro
+
+from adrl import api, files
+from adrl.agents.config import TrainConfig
+from adrl.agents.metrics import METRICS_FILE
+from adrl.comparison.compare import compare
+from adrl.comparison.config import CompareConfig
+from adrl.imitation.schedule import EQUATIONS as SCHEDULE
+from adrl.planning.replanner_config import EQUATIONS as REPLANNER
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.rewards.config import EQUATIONS as REWARD
+
+HERE = Path(__file__).parent
+PAGE, RESULTS = HERE / "fidelity.md", HERE / "results" / "fidelity.json"
+BEGIN, END = "<!-- table: begin -->", "<!-- table: end -->"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """How much to measure."""
+
+    steps: int = 96_000
+    """Environment steps of each training, about 6,000 updates."""
+    seeds: int = 4
+    """Trainings of each row."""
+    episodes: int = 300
+    """Validation tasks of each evaluation."""
+    out: Path = Path("runs/fidelity")
+    """Where the runs go."""
+
+
+def learners(base: TrainConfig) -> dict[str, TrainConfig]:
+    """The learner of each row."""
+    rows = {"all corrected": base}
+    for name in SCHEDULE:
+        rows[name] = replace(base, schedule=replace(base.schedule, **{name: "literal"}))
+    rows["eq6"] = replace(base, td3=replace(base.td3, eq6="literal"))
+    for name in REWARD:
+        rows[name] = replace(base, reward=replace(base.reward, **{name: "literal"}))
+    return rows | {"all literal": base.literal()}
+
+
+def train_row(name: str, learner: TrainConfig, options: Options) -> dict[str, Any]:
+    """Means over the seeds: how the policies end, and where the schedule stood at the end."""
+    config = CompareConfig(
+        methods="adrl",
+        seeds=options.seeds,
+        episodes=options.episodes,
+        split="validation",
+        out=options.out / name.replace(" ", "-"),
+        learner=learner,
+    )
+    (row,) = [r for r in compare(config).rows if r["method"] == "adrl"]
+    last = [
+        json.loads((config.out / f"adrl-s{seed}" / METRICS_FILE).read_text().splitlines()[-1])
+        for seed in range(options.seeds)
+    ]
+    measured = ("success", "success_low", "success_high", "collision", "timeout", "time_s")
+    schedule = {k: sum(r[k] for r in last) / len(last) for k in ("S", "alpha", "lambda_bc", "q_mean")}
+    return {"row": name} | {key: row[key] for key in measured} | schedule
+
+
+def replan_row(name: str, replanner: ReplannerConfig, options: Options) -> dict[str, Any]:
+    """The shipped policy on `complex` with guidance replan."""
+    result = api.evaluate(
+        api.DEFAULT,
+        scenario="complex",
+        guidance="replan",
+        split="validation",
+        episodes=options.episodes,
+        replanner=replanner,
+    )
+    measured = ("success", "success_low", "success_high", "collision", "timeout", "time_s", "optimality")
+    return {"row": name, "replans": float(result.rollout.replans.mean())} | {
+        k: result.summary[k] for k in measured
+    }
+
+
+def table(columns: dict[str, tuple[str, float, int]], rows: list[dict[str, Any]]) -> list[str]:
+    """Markdown lines. columns: heading -> key, factor, decimals."""
+
+    def cell(row: dict[str, Any], key: str, factor: float, decimals: int) -> str:
+        value = row[key]
+        text = "-" if value is None else f"{factor * value:.{decimals}f}"
+        if key == "success" and row["success_low"] is not None:
+            text += f" [{factor * row['success_low']:.1f}, {factor * row['success_high']:.1f}]"
+        return text
+
+    lines = ["| literal | " + " | ".join(columns) + " |", "|-" * (len(columns) + 1) + "|"]
+    lines += [
+        f"| {row['row']} | " + " | ".join(cell(row, *c) for c in columns.values()) + " |" for row in rows
+    ]
+    return lines
+
+
+def main(options: Options) -> None:
+    """Measure what is not measured yet, and write the page's table."""
+    base = TrainConfig(steps=options.steps)
+    trained = [train_row(name, learner, options) for name, learner in learners(base).items()]
+    configs = {"all corrected": ReplannerConfig()}
+    configs |= {name: replace(ReplannerConfig(), **{name: "literal"}) for name in REPLANNER}
+    configs["all three"] = ReplannerConfig().literal()
+    replanned = [replan_row(name, config, options) for name, config in configs.items()]
+    files.write_json(RESULTS, {"schema_version": 1, "trained": trained, "replanned": replanned})
+    ends = {
+        "success % [95 %]": ("success", 100.0, 1),
+        "collision %": ("collision", 100.0, 1),
+        "timeout %": ("timeout", 100.0, 1),
+        "Av.T s": ("time_s", 1.0, 1),
+    }
+    schedule = {
+        "S": ("S", 1.0, 2),
+        "alpha": ("alpha", 1.0, 2),
+        "lambda": ("lambda_bc", 1.0, 3),
+        "mean Q": ("q_mean", 1.0, 2),
+    }
+    more = {"optimality": ("optimality", 1.0, 2), "replans an episode": ("replans", 1.0, 1)}
+    lines = [BEGIN, "", *table(ends | schedule, trained), "", *table(ends | more, replanned), "", END]
+    text = PAGE.read_text(encoding="utf-8")
+    before, rest = text.split(BEGIN)
+    files.atomic_write_text(PAGE, before + "\n".join(lines) + rest.split(END)[1])
+
+
+if __name__ == "__main__":
+    main(tyro.cli(Options))
