@@ -39,7 +39,7 @@ class Rooms:
     tables: tuple[int, int] = (1, 3)
     """The same of boxes and circles that stand free."""
     straight_m: tuple[float, float] = (3.0, 12.0)
-    """Least straight distance from start to goal, and the greatest of the pairs tried: a path that is too long is cut."""
+    """Least straight distance from start to goal, and the greatest of the pairs tried: paths too long are cut."""
     path_m: tuple[float, float] = (8.0, 20.0)
     """Least and greatest length of the shortest path. The least is more than one room holds."""
 
