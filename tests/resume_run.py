@@ -4,16 +4,18 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from adrl.agents.config import Td3Config, TrainConfig
-from adrl.agents.interface import Progress, TrainResult
+from adrl.agents.interface import Evaluate, Progress, TrainResult, Validation
 from adrl.agents.train import train
-from adrl.deploy.policy import MlpPolicy
 from adrl.imitation.demonstrations import Demonstrations
 from adrl.imitation.probe import record_probe
 from adrl.imitation.schedule import ScheduleConfig
 from probe_envs import PLAIN, Walk, record_demonstrations
 
 NUM_ENVS = 4
+VALIDATION = Validation(success=0.5, start=np.zeros((3, 2), np.float32), discounted_return=0.25)
 
 
 def config(steps: int) -> TrainConfig:
@@ -42,7 +44,7 @@ def run(
     steps: int,
     resume: bool = False,
     on_progress: Callable[[Progress], None] | None = None,
-    evaluate: Callable[[MlpPolicy], dict[str, float]] | None = None,
+    evaluate: Evaluate | None = None,
 ) -> TrainResult:
     return train(
         config(steps),
@@ -50,7 +52,7 @@ def run(
         out,
         demonstrations=demonstrations(),
         probe=record_probe(Walk(NUM_ENVS), seed=7, max_steps=20),
-        evaluate=evaluate or (lambda policy: {"success": 0.5}),
+        evaluate=evaluate or (lambda policy, maturity: VALIDATION),
         on_progress=on_progress,
         resume=resume,
     )

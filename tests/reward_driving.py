@@ -62,6 +62,8 @@ class Driver:
                 "yaw_rate_radps": w,
                 "previous_distance_m": before[0],
                 "previous_heading_error_rad": before[1],
+                "displacement_m": math.dist(self.pose[:2], before[2][:2]),
+                "turn_rad": turn,
             }
         )
 
@@ -110,6 +112,10 @@ class Driver:
             "previous_heading_error_rad": self.bearing(self.goal),
             "clearance_m": self.clearance(),
             "mean_displacement_m": sum(self._moved) / WINDOW,
+            "timed_out": False,
+            "displacement_m": 0.0,
+            "turn_rad": 0.0,
+            "coordinate_distance_m": math.dist(self.obstacle[:2], self.pose[:2]),
         }
 
     def _stack(self, rows: list[dict[str, float]]) -> Step:
@@ -118,6 +124,7 @@ class Driver:
             "max_speed_mps": self.max_speed_mps,
             "max_yaw_rate_radps": self.max_yaw_rate_radps,
             "dt_s": self.dt_s,
+            "contact_m": self.radius_m,
         }
         return Step(**columns, **limits)  # pyright: ignore[reportArgumentType]
 

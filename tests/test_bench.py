@@ -3,16 +3,19 @@
 import json
 import math
 import os
-import subprocess
-import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
-from adrl.benchmarks.plan import bench_dwa, bench_map
+from adrl.api import default_policy_folder
+from adrl.benchmarks.act import bench_act
+from adrl.benchmarks.learn import bench_learn, flops_per_update
+from adrl.benchmarks.plan import bench_dwa, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.benchmarks.timing import median_seconds, rate_per_second
 from adrl.commands.bench import _gather
+from adrl.deploy.policy import load_policy
 from adrl.errors import ConfigError
 from map_files import write_map
 from small_run import run_cli
@@ -61,15 +64,58 @@ def test_plan_across_a_turned_map(tmp_path: Path) -> None:
     assert bench_map(path, rounds=1)["median_ms"] > 0.0
 
 
-def test_learn() -> None:
-    # A process of its own: the benchmark binds its process to one core.
-    command = [sys.executable, "-m", "adrl.cli", "bench", "learn"]
-    options = ["--width", "8", "--seconds", "0.05", "--rounds", "1"]
-    done = subprocess.run([*command, *options], capture_output=True, text=True, timeout=120, env=os.environ)
-    assert done.returncode == 0, done.stderr
-    results = json.loads(done.stdout)
-    assert results["updates_per_second"] == results["updates_per_second_rounds"][0] > 0.0
-    assert {"width", "batch_size", "observation_size"} <= results.keys()
+def product_flops(sizes: Sequence[int], rows: int) -> list[float]:
+    return [2.0 * rows * sizes[i] * sizes[i + 1] for i in range(len(sizes) - 1)]
+
+
+def test_flops_are_those_of_the_products_one_by_one() -> None:
+    """A network of one width, product by product, for a batch of 256 and a cloning batch of 128."""
+    a1, a2, a3 = product_flops((44, 32, 32, 2), 256)
+    c1, c2, c3 = product_flops((46, 32, 32, 1), 256)
+    targets = (a1 + a2 + a3) + 2 * (c1 + c2 + c3)
+    critics = 2 * (
+        (c1 + c2 + c3) + (c1 + c2 + c3) + (c2 + c3)
+    )  # forward, weights, inputs but the first layer's
+    climbing = (a1 + a2 + a3) + (c1 + c2 + c3) + (c1 + c2 + c3) + (a1 + a2 + a3) + (a2 + a3)
+    cloning = 0.5 * ((a1 + a2 + a3) + (a1 + a2 + a3) + (a2 + a3))
+    assert flops_per_update(32) == targets + critics + 0.5 * (climbing + cloning)
+
+
+@pytest.mark.slow
+def test_learn(capfd: pytest.CaptureFixture[str]) -> None:
+    here = os.sched_getaffinity(0)
+    assert run_cli("bench", "learn", "--widths", 8, "--seconds", 0.05, "--rounds", 3) == 0
+    assert os.sched_getaffinity(0) == here, "only its own processes are bound"
+    results = json.loads(capfd.readouterr().out)
+    assert {"batch_size", "observation_size"} <= results.keys()
+    assert results["matmul_gflops"] > 0.0
+    (width,) = results["widths"]
+    rounds = width["adrl"]["updates_per_second_rounds"]
+    assert len(rounds) == 3
+    assert width["adrl"]["updates_per_second"] == sorted(rounds)[1] > 0.0
+    assert 0.0 < width["adrl"]["core_share"] <= 1.05
+    assert width["peak_share"] * results["matmul_gflops"] == pytest.approx(width["gflops"])
+    if results["peer"] is not None:
+        theirs = width["sb3-td3"]["updates_per_second"]
+        assert width["ratio"] == pytest.approx(width["adrl"]["updates_per_second"] / theirs)
+    if len(here) > 1:
+        two = results["two_learners"]
+        assert two["ratio"] == pytest.approx(two["two"] / two["one"])
+
+
+@pytest.mark.parametrize("widths", [(), (0,)])
+def test_learn_needs_widths(widths: tuple[int, ...]) -> None:
+    with pytest.raises(ConfigError, match="width"):
+        bench_learn(widths=widths)
+
+
+def test_replan_and_policy_step() -> None:
+    results = bench_replan(queries=4)
+    assert results["cells"] == [400, 400]
+    for name in ("plain", "headings"):
+        assert 0.0 < results[name]["p50_ms"] <= results[name]["p99_ms"]
+    step = bench_act(load_policy(default_policy_folder()), steps=20)
+    assert 0.0 < step["p50_ms"] <= step["p99_ms"]
 
 
 @pytest.mark.parametrize("seconds", [math.nan, math.inf, 0.0, -1.0])

@@ -15,11 +15,13 @@ import numpy as np
 import pytest
 
 from adrl.agents.methods import METHODS
+from adrl.baselines import SB3_METHODS
 from adrl.cli import COMMANDS, main
 from adrl.commands.bench import LearnOptions, PlanOptions, SimOptions
 from adrl.commands.collect import CollectOptions
 from adrl.commands.evaluate import EvaluateOptions
 from adrl.commands.list import ListOptions
+from adrl.comparison.config import CompareConfig
 from adrl.evaluation.results import read_episodes
 from adrl.runs import RunConfig
 from adrl.types import GUIDANCE
@@ -30,6 +32,7 @@ OPTIONS: dict[str, Any] = {
     "train": RunConfig,
     "evaluate": EvaluateOptions,
     "collect": CollectOptions,
+    "compare": CompareConfig,
     "list": ListOptions,
     "bench sim": SimOptions,
     "bench plan": PlanOptions,
@@ -37,6 +40,8 @@ OPTIONS: dict[str, Any] = {
 }
 UNITS = {"m": r"\bm\b", "seconds": r"\bs\b", "start": r"\(m\).*\(rad\)", "goal": r"\(m\)"}
 """What the help of an option whose name ends so must say."""
+SUPPRESSED = {"compare": {"method", "resume"}}
+"""Options that a command sets itself."""
 METRICS = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")
 ABOUT = ("policy", "method", "robot", "scenario", "guidance", "split", "episodes")
 TRAINING = ("train_seconds", "env_steps", "gradient_updates")
@@ -90,7 +95,7 @@ class TestHelp:
         run_cli(*command.split(), "--help")
         shown = explained(capsys.readouterr().out)
         fields = {field.name.replace("_", "-") for field in dataclasses.fields(OPTIONS[command])}
-        assert fields - {"learner", "encoder"} <= shown.keys()
+        assert fields - {"learner", "encoder"} - SUPPRESSED.get(command, set()) <= shown.keys()
         for name, text in shown.items():
             assert len(text) >= 10, f"adrl {command} --{name} is not explained"
             for ending, unit in UNITS.items():
@@ -116,7 +121,7 @@ class TestHelp:
     def test_list_names_every_registry_entry(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert main(["list"]) == 0
         named = {line.split()[0] for line in capsys.readouterr().out.splitlines() if line.startswith("  ")}
-        assert named == {*ROBOTS, *SCENARIOS, *METHODS, *GUIDANCE, "astar-dwa", "default"}
+        assert named == {*ROBOTS, *SCENARIOS, *METHODS, *SB3_METHODS, *GUIDANCE, "astar-dwa", "default"}
 
     def test_version(self, capsys: pytest.CaptureFixture[str]) -> None:
         from adrl import __version__

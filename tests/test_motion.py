@@ -153,6 +153,21 @@ def test_mirrored_world_mirrored_cue(seed: int, beams: int, fov: float, sectors:
     assert (np.abs(other - one[:, ::-1]) > 1e-4).mean() < 0.02  # a point between two beams may fall to either
 
 
+def test_the_encoder_s_mirror_turns_cues_too() -> None:
+    """A disc from ahead on the left, and the same on the right: one observation is the other's mirror."""
+    left, right = (
+        start(quiet(RobotConfig()), [with_disc((2.5, 1.5 * side, 0.5, 0.3 * side))]) for side in (1.0, -1.0)
+    )
+    stand(left)
+    stand(right)
+    mirror = left.encoder.mirror
+    assert mirror is not None
+    seen = left.observe()
+    mirror.observation(seen)
+    assert seen[:, SECTORS + 8 :].any()
+    np.testing.assert_allclose(seen[:, SECTORS + 8 :], cues(right), atol=1e-4)
+
+
 def slow_cue(
     robot: RobotConfig, now: Array, pose: Array, past: Array, past_pose: Array
 ) -> tuple[Array, NDArray[np.bool_]]:

@@ -203,3 +203,30 @@ def test_robot_frame_is_a_rotation(seed: int) -> None:
 def test_bad_encoder_names_the_option(name: str, value: float) -> None:
     with pytest.raises(ConfigError, match=f"encoder.{name}"):
         EncoderConfig(**{name: value})  # pyright: ignore
+
+
+@given(robots, st.integers(4, 40), seeds)
+def test_the_mirror_gives_what_is_seen_in_the_mirrored_world(robot: RobotConfig, sectors: int, seed: int):
+    """Scan, goal, turn and last action of the mirrored world; no mirror for a robot that is not symmetric."""
+    config = EncoderConfig(num_sectors=sectors)
+    lidar = dataclasses.replace(robot.lidar, mount_y_m=0.0, mount_yaw_rad=0.0)
+    symmetric = dataclasses.replace(robot, radius_m=0.25, footprint_m=None, lidar=lidar)
+    encoder, n = ObservationEncoder(symmetric, config), 5
+    mirror = encoder.mirror
+    assert mirror is not None
+    rng = np.random.default_rng(seed)
+    ranges = rng.uniform(0.0, lidar.max_range_m, (n, lidar.num_beams)).astype(np.float32)
+    apart = np.abs(np.exp(1j * lidar.angles_rad[:, None]) - np.exp(-1j * lidar.angles_rad))
+    turned = np.argmin(apart, axis=0)
+    goal, twist = rng.normal(size=(2, n, 2))
+    action = rng.uniform(-1.0, 1.0, (n, 2)).astype(np.float32)
+    flip = np.array([1.0, -1.0], np.float32)
+    mirrored = encoder.encode(ranges, goal, twist, action)
+    mirror.observation(mirrored)
+    expected = encoder.encode(ranges[:, turned], goal * flip, twist * flip, action * flip)
+    np.testing.assert_allclose(mirrored, expected, atol=1e-5)
+    turned_action = action.copy()
+    mirror.action(turned_action)
+    np.testing.assert_array_equal(turned_action, action * flip)
+    skew = dataclasses.replace(symmetric, lidar=dataclasses.replace(lidar, mount_y_m=0.1))
+    assert ObservationEncoder(skew, config).mirror is None

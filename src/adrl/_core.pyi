@@ -146,3 +146,90 @@ class BatchSim:
         """Move every active robot by one control period and sense."""
     def plan(self, out: F64) -> None:
         """A*+DWA: write a command (v, w) for every active robot into out (N, 2)."""
+
+class Evidence:
+    """Log-odds of the robots' own maps: a cell above 0 is solid, 0 has never been seen. -127 to 127."""
+
+    hit: int
+    miss: int
+    low: int
+    high: int
+
+class RouteCosts:
+    """Eq 22 in metres; see route_planner.hpp. The three k sum to 1."""
+
+    inflation_m: float
+    comfort_m: float
+    near_goal_m: float
+    weight: float
+    k_obstacle: float
+    k_goal: float
+    k_turn: float
+    turn_m: float
+    headings: bool
+
+class WaypointRules:
+    """Which point of a route to head for, eqs 21 and 23; see waypoint.hpp."""
+
+    min_interval_m: float
+    max_distance_m: float
+    corridor_m: float
+    literal: bool
+
+class ReplannerSetup:
+    """What all robots of a Replanner share. mount: the LiDAR's pose on the robot; reach_m: hits farther away are not
+    mapped; body_radius_m: of the disc under the robot that is surely free."""
+    def __init__(
+        self,
+        *,
+        height: int,
+        width: int,
+        resolution_m: float,
+        evidence: Evidence,
+        mount: tuple[float, float, float],
+        max_range_m: float,
+        reach_m: float,
+        body_radius_m: float,
+        costs: RouteCosts,
+        waypoint: WaypointRules,
+    ) -> None: ...
+
+class Replanner:
+    """Maps and routes of N robots. buffers: arrays owned by the caller, row i for robot i: log_odds (N, height, width)
+    i8, origin (N, 2) i64 lattice row and column of the window's cell (0, 0), parity (N) u8, waypoint (N, 2), route (N)
+    metres of route, found (N) u8: 0 no route, 1 to the goal, 2 to the nearest cell or the border. All that changes is
+    in them. mask (N) u8 picks the robots of a call; pose (N, 3) and points (N, 2) are in one frame, the odometry's."""
+    def __init__(
+        self,
+        num_robots: int,
+        num_threads: int,
+        num_beams: int,
+        angle_min_rad: float,
+        angle_increment_rad: float,
+        setup: ReplannerSetup,
+        buffers: dict[str, NDArray[Any]],
+    ) -> None: ...
+    @property
+    def num_threads(self) -> int: ...
+    def restart(self, mask: U8, pose: F64) -> None:
+        """Forget everything; the windows are about the robots."""
+    def observe(self, mask: U8, pose: F64, ranges: F32) -> None:
+        """Enter scans (N, K)."""
+    def plan(self, mask: U8, pose: F64, goal: F64) -> None:
+        """Write waypoint, route and found on the way to goals (N, 2). found 0 leaves the other two as they were."""
+    def see(self, mask: U8, pose: F64, point: F64, distance_m: float, known: bool, out: U8) -> None:
+        """Write into out (N) whether nothing solid is in a robot's way straight to a point (N, 2), for at most
+        distance_m of it; known: and all of the line has been seen."""
+
+class RoutePlanner:
+    """A* of eq 22 on windows (height, width) i8 of log-odds, with scratch of its own."""
+    def __init__(self, height: int, width: int, resolution_m: float, costs: RouteCosts) -> None: ...
+    def plan(
+        self,
+        log_odds: NDArray[np.int8],
+        start: tuple[int, int],
+        goal: tuple[int, int],
+        heading_rad: float = 0.0,
+    ) -> tuple[I32, float, bool]:
+        """(P, 2) cells (row, column) from start to goal, their cost in metres, and whether the goal is reached; else
+        the route ends at the border (goal outside of the window) or in the reachable cell nearest to the goal."""

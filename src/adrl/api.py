@@ -14,6 +14,7 @@ from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.results import RunMeta, Summary, summarise, write_episodes
 from adrl.evaluation.rollout import PrivilegedPolicy, Rollout, rollout
 from adrl.observation import EncoderConfig, ObservationEncoder
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.runs import RunConfig, train
 from adrl.types import Policy, RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, robot_from_fields, task_set
@@ -64,6 +65,7 @@ def evaluate(
     seed: int = 0,
     num_threads: int = 0,
     record: int = 0,
+    replanner: ReplannerConfig | None = None,
     tasks: Sequence[Task] | None = None,
     out: Path | None = None,
     on_step: Callable[[int, int], None] | None = None,
@@ -71,8 +73,9 @@ def evaluate(
     """Drive the first `episodes` tasks of a split.
 
     policy: "astar-dwa", "default", a run folder, or an object with act(observation). robot, guidance: of the policy's
-    training when None. seed: changes the noise only. record: tasks whose routes are kept. tasks: instead of those of
-    the split. out: folder for episodes.parquet and summary.json. Raises AdrlError.
+    training when None. seed: changes the noise only. record: tasks whose routes are kept. replanner: constants of
+    guidance `replan`, those of the training when None. tasks: instead of those of the split. out: folder for
+    episodes.parquet and summary.json. Raises AdrlError.
     """
     if episodes < 1:
         raise ConfigError(f"episodes is {episodes}; give 1 or more")
@@ -93,6 +96,8 @@ def evaluate(
         config,
         guidance=about["guidance"],
         encoder=encoder,
+        replanner=replanner or _replanner_of(driver),
+        maturity=driver.config.maturity if isinstance(driver, MlpPolicy) else 0.0,
         seed=seed,
         num_threads=num_threads,
         record=record,
@@ -106,6 +111,17 @@ def evaluate(
         write_episodes(out / "episodes.parquet", result.episodes)
         files.write_json(out / "summary.json", summary)
     return Evaluation(summary=summary, rollout=result, tasks=tasks)
+
+
+def _replanner_of(driver: Policy | PrivilegedPolicy) -> ReplannerConfig | None:
+    """The replanner's constants that the policy was trained with, if it says so. Raises CheckpointError."""
+    saved = driver.config.extra.get("replanner") if isinstance(driver, MlpPolicy) else None
+    try:
+        return None if saved is None else ReplannerConfig(**saved)
+    except TypeError as error:
+        raise CheckpointError(
+            f"bad replanner in the policy's config.json ({error}); restore the file"
+        ) from None
 
 
 def _driver(

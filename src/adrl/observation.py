@@ -44,6 +44,24 @@ class EncoderConfig:
             )
 
 
+@dataclass(frozen=True, eq=False)
+class Mirror:
+    """Turns what a symmetric robot sees and does into what it would see and do in the mirrored world."""
+
+    order: NDArray[np.intp]
+    """(D,) index of the number that takes each place of an observation."""
+    sign: F32
+    """(D,) its factor, 1 or -1."""
+
+    def observation(self, rows: F32) -> None:
+        """Mirror observations (..., D) in place."""
+        rows[...] = rows[..., self.order] * self.sign
+
+    def action(self, rows: F32) -> None:
+        """Mirror actions (..., 2) in place: the yaw rate turns round."""
+        rows[..., 1] *= -1.0
+
+
 class ObservationEncoder:
     """(N, K) ranges, goals, twists and last actions -> (N, D) float32, D = num_sectors + 8.
 
@@ -61,7 +79,7 @@ class ObservationEncoder:
         away = np.abs(np.remainder(angles - centres[:, None] + math.pi, 2.0 * math.pi) - math.pi)  # (S, K)
         sector, self._order = np.nonzero(away <= 0.5 * width + 1e-9)
         self._covered, self._first = np.unique(sector, return_index=True)
-        self._extent = _extent(robot, centres).astype(np.float32)
+        self._extent = footprint_extent(robot, centres).astype(np.float32)
         self._log_scale = np.float32(1.0 / math.log1p(robot.lidar.max_range_m / self.config.near_m))
         self._inverse_near = np.float32(1.0 / self.config.near_m)
         steps = self.config.history_steps
@@ -72,6 +90,21 @@ class ObservationEncoder:
         """D, the length of an observation."""
         cues = self.config.num_sectors if self._motion is not None else 0
         return self.config.num_sectors + GOAL_FEATURES + TWIST_FEATURES + ACTION_FEATURES + cues
+
+    @property
+    def mirror(self) -> Mirror | None:
+        """Left for right; None for a robot whose body or LiDAR is not symmetric."""
+        sectors, lidar = self.config.num_sectors, self.robot.lidar
+        angles = np.sort(np.remainder(lidar.angles_rad + 1e-9, 2.0 * math.pi))
+        mirrored = np.sort(np.remainder(-lidar.angles_rad + 1e-9, 2.0 * math.pi))
+        centred = lidar.mount_y_m == 0.0 and lidar.mount_yaw_rad == 0.0
+        if not (centred and np.allclose(angles, mirrored) and np.allclose(self._extent, self._extent[::-1])):
+            return None
+        order, sign = np.arange(self.size), np.ones(self.size, np.float32)
+        order[:sectors] = order[:sectors][::-1]
+        order[sectors + 8 :] = order[sectors + 8 :][::-1]  # motion cues
+        sign[[sectors + 1, sectors + 5, sectors + 7]] = -1.0  # the goal's y, both yaw rates
+        return Mirror(order, sign)
 
     @property
     def limit(self) -> float:
@@ -140,7 +173,7 @@ def to_action(twist: Array, robot: RobotConfig) -> F32:
     return np.clip(action, -1.0, 1.0).astype(np.float32)
 
 
-def _extent(robot: RobotConfig, angles: Array) -> Array:
+def footprint_extent(robot: RobotConfig, angles: Array) -> Array:
     """(S,) distance from the LiDAR to the footprint's edge along each angle; 0 for a LiDAR outside of it."""
     mount = np.array([robot.lidar.mount_x_m, robot.lidar.mount_y_m])
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=1)

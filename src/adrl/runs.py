@@ -15,15 +15,17 @@ import tyro
 from adrl import files
 from adrl.agents import checkpoint
 from adrl.agents.config import TrainConfig
-from adrl.agents.methods import METHODS, WITHOUT_DEMONSTRATIONS, method_config
+from adrl.agents.interface import Validation
+from adrl.agents.methods import METHODS, method_config
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError, UnknownName
 from adrl.evaluation.metrics import success_rate
-from adrl.evaluation.rollout import rollout
+from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Demonstrations, Source, collect, load_minari
 from adrl.imitation.probe import Probe, probe_steps, record_probe
 from adrl.observation import EncoderConfig
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards.config import STANDING_AT_WORST
 from adrl.rewards.terms import reference_period_s
 from adrl.types import RobotConfig, Scenario
@@ -45,8 +47,12 @@ class RunConfig(Place):
     """A robot's name (adrl list), a TOML file, or the object."""
     method: str = "adrl"
     """A training method; adrl list names them."""
+    paper_literal: bool = False
+    """Compute every equation as the paper prints it, whatever the method."""
     guidance: str = "goal"
-    """goal: the policy sees the final goal; map: a waypoint on the A* path of the known map."""
+    """goal: the policy sees the final goal; replan: that, and waypoints of its own map when it is stuck (eqs 18-23);
+    map: a waypoint on the A* path of the known map."""
+    replanner: ReplannerConfig = field(default_factory=ReplannerConfig)
     out: Path | None = None
     """Run folder; runs/METHOD-SCENARIO-sSEED when left out."""
     resume: bool = False
@@ -55,6 +61,8 @@ class RunConfig(Place):
     """Robots simulated side by side."""
     task_pool: int = 512
     """Worlds to train in, the first ones of the training split."""
+    task_priority: float = 1.0
+    """How much more often than others tasks are drawn that failed lately; 0 for all alike."""
     demonstration_steps: int = 20_000
     """Environment steps of A*+DWA demonstrations to collect."""
     dataset: Path | None = None
@@ -73,21 +81,32 @@ class RunConfig(Place):
         for name in ("num_envs", "task_pool", "validation_episodes"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} is {getattr(self, name)}; give 1 or more")
-        self._check_horizon()
-        if self.dataset is not None and self.method in WITHOUT_DEMONSTRATIONS:
+        learner = self.resolved()
+        _check_horizon(learner)
+        if self.dataset is not None and not learner.schedule.imitates:
             raise ConfigError(f"method {self.method!r} learns without demonstrations; leave out dataset")
         if self.demonstration_steps < 0:
             raise ConfigError(f"demonstration_steps is {self.demonstration_steps}; give 0 or more")
 
-    def _check_horizon(self) -> None:
-        """A crash must stay worse than standing for ever, or the policy learns to crash."""
-        gamma, reward = self.learner.td3.gamma, self.learner.reward
-        standing = STANDING_AT_WORST / max(1.0 - gamma, 1e-9)
-        if standing >= reward.failure_weight * reward.failure_penalty:
-            raise ConfigError(
-                f"td3.gamma is {gamma}: standing in the worst place for ever costs {standing:.0f}, no less than "
-                f"a crash; give a smaller gamma, or reward.failure_weight above {standing / reward.failure_penalty:.2f}"
-            )
+    def resolved(self) -> TrainConfig:
+        """The learner's configuration as the method has it."""
+        learner = method_config(self.method, self.learner)
+        return learner.literal() if self.paper_literal else learner
+
+    def resolved_replanner(self) -> ReplannerConfig:
+        """The replanner's constants, as printed where all is."""
+        return self.replanner.literal() if self.paper_literal else self.replanner
+
+
+def _check_horizon(learner: TrainConfig) -> None:
+    """A crash must stay worse than standing for ever, or the policy learns to crash (corrected forms)."""
+    gamma, reward = learner.td3.gamma, learner.reward
+    standing = STANDING_AT_WORST / max(1.0 - gamma, 1e-9)
+    if standing >= reward.failure_weight * reward.failure_penalty:
+        raise ConfigError(
+            f"td3.gamma is {gamma}: standing in the worst place for ever costs {standing:.0f}, no less than "
+            f"a crash; give a smaller gamma, or reward.failure_weight above {standing / reward.failure_penalty:.2f}"
+        )
 
 
 def train(
@@ -107,7 +126,7 @@ def train(
             "a run needs an end; give --steps (environment steps) or --max-seconds (wall clock)"
         )
     scenario, robot = config.load(), load_robot(config.robot)
-    learner = with_horizon_of(method_config(config.method, config.learner), robot)
+    learner = with_horizon_of(config.resolved(), robot)
     out = run_folder(config, scenario)
     if (out / "policy.safetensors").exists() and not config.resume:
         raise ConfigError(
@@ -116,18 +135,13 @@ def train(
     resumed = checkpoint.exists(out)
     if resumed and not config.resume:
         raise ConfigError(f"{out} holds an unfinished run; give --resume to go on with it, or another --out")
-    make_env = functools.partial(
-        NavVectorEnv,
-        scenario=scenario,
-        robot=robot,
-        guidance=config.guidance,
-        task_pool=config.task_pool,
-        encoder=config.encoder,
-        reward_config=learner.reward,
+    make_env = env_maker(config, learner, scenario, robot)
+    env = make_env(
+        config.num_envs, randomize=config.randomize, task_priority=config.task_priority, seed=learner.seed
     )
-    env = make_env(config.num_envs, randomize=config.randomize, seed=learner.seed)
-    demonstrations = None if config.method in WITHOUT_DEMONSTRATIONS else _demonstrations(config, env)
-    probe = _probe(make_env(PROBE_STARTS, randomize=False), learner) if demonstrations else None
+    demonstrations = _demonstrations(config, env) if learner.schedule.imitates else None
+    probed = learner.measures_maturity and learner.schedule.needs_bounds
+    probe = _probe(make_env(PROBE_STARTS, randomize=False), learner) if probed else None
     out.mkdir(parents=True, exist_ok=True)
     if not resumed:
         files.write_json(out / "versions.json", versions())
@@ -138,13 +152,30 @@ def train(
         learner,
         env,
         out,
-        policy_config=_policy_config(config, robot, scenario, out),
+        policy_config=about_policy(config, robot, scenario, out),
         demonstrations=demonstrations,
         probe=probe,
-        evaluate=_validation(config, scenario, robot),
+        mirror=env.sim.encoder.mirror,
+        evaluate=validation(config, scenario, robot, learner),
         on_progress=on_progress,
         start_time_s=start_time_s,
         resume=config.resume,
+    )
+
+
+def env_maker(
+    config: RunConfig, learner: TrainConfig, scenario: Scenario, robot: RobotConfig
+) -> Callable[..., NavVectorEnv]:
+    """NavVectorEnv with the run's place, robot, guidance and encoder filled in, and the learner's reward."""
+    return functools.partial(
+        NavVectorEnv,
+        scenario=scenario,
+        robot=robot,
+        guidance=config.guidance,
+        replanner=config.resolved_replanner(),
+        task_pool=config.task_pool,
+        encoder=config.encoder,
+        reward_config=learner.reward,
     )
 
 
@@ -179,7 +210,8 @@ def _demonstrations(config: RunConfig, env: NavVectorEnv) -> Demonstrations:
     return collect(env, config.demonstration_steps, seed=config.learner.seed)
 
 
-def _policy_config(config: RunConfig, robot: RobotConfig, scenario: Scenario, out: Path) -> PolicyConfig:
+def about_policy(config: RunConfig, robot: RobotConfig, scenario: Scenario, out: Path) -> PolicyConfig:
+    """What is saved with the policy; the learner fills in the sizes and what training took."""
     run = asdict(replace(config, robot=robot.name))
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next
@@ -193,8 +225,10 @@ def _policy_config(config: RunConfig, robot: RobotConfig, scenario: Scenario, ou
                 "scenario": scenario.name,
                 "num_envs": config.num_envs,
                 "task_pool": config.task_pool,
+                "task_priority": config.task_priority,
                 "randomize": config.randomize,
             },
+            "replanner": asdict(config.resolved_replanner()),
             "run": out.name,
             "scenario": scenario.name,
             "settings": json.loads(json.dumps(run, default=str)),
@@ -202,19 +236,31 @@ def _policy_config(config: RunConfig, robot: RobotConfig, scenario: Scenario, ou
     )
 
 
-def _validation(
-    config: RunConfig, scenario: Scenario, robot: RobotConfig
-) -> Callable[[MlpPolicy], dict[str, Any]]:
-    """Success on the first validation tasks, drawn when first asked for."""
+def validation(
+    config: RunConfig, scenario: Scenario, robot: RobotConfig, learner: TrainConfig
+) -> Callable[[MlpPolicy, float], Validation]:
+    """Drives the first validation tasks, drawn when first asked for."""
 
     @functools.cache
     def tasks() -> Any:
         return task_set(scenario, robot, "validation", config.validation_episodes)
 
-    def evaluate(policy: MlpPolicy) -> dict[str, Any]:
+    def evaluate(policy: MlpPolicy, maturity: float) -> Validation:
         result = rollout(
-            policy, tasks(), robot, guidance=config.guidance, encoder=config.encoder, num_threads=1
+            policy,
+            tasks(),
+            robot,
+            guidance=config.guidance,
+            encoder=config.encoder,
+            num_threads=1,
+            replanner=config.resolved_replanner(),
+            maturity=policy.config.maturity,
+            rewards=Rewards(config=learner.reward, gamma=learner.td3.gamma, maturity=maturity),
         )
-        return {"success": success_rate(result.episodes)}
+        return Validation(
+            success=success_rate(result.episodes),
+            start=result.start,
+            discounted_return=float(result.discounted_return.mean()),
+        )
 
     return evaluate

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol, runtime_checkable
+from typing import Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,13 +15,23 @@ Array = NDArray[np.float64]
 Guidance = str
 """One of GUIDANCE."""
 
-GUIDANCE = ("goal", "map")
+GUIDANCE = ("goal", "replan", "map")
+Form = Literal["literal", "corrected"]
+"""How an equation of the paper is computed: as printed, or as docs/fidelity.md says it has to be read."""
+FORMS: tuple[Form, ...] = get_args(Form)
 SPLITS = ("train", "validation", "test")
 
 
 def _require(ok: bool, message: str) -> None:
     if not ok:
         raise ConfigError(message)
+
+
+def require_forms(owner: object, *equations: str) -> None:
+    """Each named field of a config is a Form. Raises ConfigError."""
+    for equation in equations:
+        value = getattr(owner, equation)
+        _require(value in FORMS, f"{type(owner).__name__}.{equation} is {value!r}; give literal or corrected")
 
 
 def _finite(owner: object, *names: str) -> None:
@@ -244,6 +254,26 @@ class World:
             _check_convex_ccw("world polygon", corners)
         x_min, y_min, x_max, y_max = self.bounds
         _require(x_min < x_max and y_min < y_max, f"world.bounds {self.bounds} is empty")
+
+    def coordinates(self, time_s: float) -> Array:
+        """(M, 2) one point an obstacle, its middle: what eq 8 calls its coordinates. Solid cells are one each."""
+        points = [self.circles[:, :2], 0.5 * (self.segments[:, :2] + self.segments[:, 2:])]
+        points += [corners.mean(axis=0, keepdims=True) for corners in self.polygons]
+        ends, speed, phase, stop_s = self.discs[:, :4], self.discs[:, 5], self.discs[:, 6], self.discs[:, 7]
+        run = np.hypot(*(ends[:, 2:] - ends[:, :2]).T)
+        rounds = phase + speed * np.minimum(time_s, stop_s) / np.maximum(2.0 * run, 1e-9)
+        share = 1.0 - np.abs(1.0 - 2.0 * np.remainder(rounds, 1.0))
+        points.append(ends[:, :2] + share[:, None] * (ends[:, 2:] - ends[:, :2]))
+        return np.concatenate([*points, self._solid_cells])
+
+    @cached_property
+    def _solid_cells(self) -> Array:
+        if self.grid is None:
+            return np.empty((0, 2))
+        x, y = (np.argwhere(self.grid.solid)[:, ::-1].T + 0.5) * self.grid.resolution_m
+        x0, y0, yaw = self.grid.origin
+        c, s = math.cos(yaw), math.sin(yaw)
+        return np.column_stack([x0 + c * x - s * y, y0 + s * x + c * y])
 
     @cached_property
     def native(self) -> "_core.World":

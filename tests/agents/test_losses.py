@@ -27,7 +27,7 @@ def random_batch(seed: int, lead: tuple[int, ...] = ()) -> Batch:
     def normal(*shape: int) -> NDArray[np.float32]:
         return rng.normal(size=(*lead, B, *shape)).astype(np.float32)
 
-    signals = np.concatenate([normal(N_STEP, 6), rng.random((*lead, B, N_STEP, 3))], axis=-1)
+    signals = np.concatenate([normal(N_STEP, 6), rng.random((*lead, B, N_STEP, 4))], axis=-1)
     return Batch(
         observation=normal(D),
         action=np.tanh(normal(2)),
@@ -118,7 +118,7 @@ def test_targets_by_hand():
     returns = losses.n_step_returns(batch, weights, SHAPE.reward)
     got = losses.targets(state.target_actor, state.target_critics, batch, returns, SHAPE)
     for i in range(B):
-        terms, features = batch.signals[i, :, :6], batch.signals[i, :, 6:]
+        terms, features = batch.signals[i, :, :6], batch.signals[i, :, 6:9]
         r = [reward(terms[j], features[j], 0.3, SHAPE.reward) for j in range(N_STEP)]
         successor = jnp.array(batch.bootstrap_observation[i : i + 1])
         noise = np.clip(0.2 * batch.target_noise[i], -0.5, 0.5)
@@ -176,14 +176,15 @@ def test_the_returned_actor_survives_the_next_update():
     assert_array_equal(actor, before)
 
 
-def test_the_averaged_actor_is_the_mean_of_the_first_actors():
+def test_the_averaged_actor_forgets_its_start():
+    """Polynomial-decay averaging by hand: share 9 / (t + 8) of the t-th actor, 1 of the first."""
     update, state = make_update(SHAPE), fresh()
-    actors = []
-    for seed in range(6):
-        state, actor, _ = update(state, random_batch(seed, (1, 2)), None, PLAIN)
-        actors.append(np.asarray(actor))
-    assert np.ptp(actors, axis=0).max() > 1e-3
-    assert_allclose(state.average_actor, np.mean(actors, axis=0), rtol=1e-4, atol=1e-6)
+    expected = np.zeros_like(np.asarray(state.actor))
+    for t in range(1, 7):
+        state, actor, _ = update(state, random_batch(t, (1, 2)), None, PLAIN)
+        expected += 9.0 / (t + 8.0) * (np.asarray(actor) - expected)
+    assert np.abs(expected - np.asarray(state.actor)).max() > 1e-4
+    assert_allclose(state.average_actor, expected, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize("layer_norm", [True, False])
@@ -198,3 +199,30 @@ def test_the_critic_descends_to_its_target(layer_norm: bool):
     for _ in range(100):
         state, _, last = update(state, batch, None, PLAIN)
     assert float(last.critic_loss) < 0.05 * float(first.critic_loss)
+
+
+def test_eq_6_as_printed_weighs_cloning_by_the_scale_of_the_reward():
+    """-mean Q + lambda BC, both terms computed apart; corrected, the second is times mean |Q|."""
+    literal = SHAPE._replace(td3=replace(CONFIG, eq6="literal"))
+    corrected = SHAPE._replace(td3=replace(CONFIG, q_scale_floor=1e-9))
+    state, batch, experts = fresh(), random_batch(0), random_experts(1)
+    weights = Weights(0.0, lambda_bc=0.7, q_weight=1.0)
+    action = networks.actor(state.actor, batch.observation, SHAPE.actor)
+    q = np.asarray(networks.first_critic(state.critics, batch.observation, action, SHAPE.critic, True))
+    cloned = np.asarray(networks.actor(state.actor, experts.observation, SHAPE.actor))
+    cloning = np.square(cloned - experts.action).sum(axis=-1).mean()
+    for shape, factor in ((literal, 1.0), (corrected, np.abs(q).mean())):
+        got = losses.actor_loss(state.actor, state.critics, batch.observation, experts, weights, shape)
+        assert_allclose(got, -q.mean() + 0.7 * factor * cloning, rtol=1e-4)
+
+
+def test_eq_17_as_printed_keeps_the_weights_of_the_day_a_step_was_stored():
+    batch = random_batch(3)
+    config = SHAPE.reward.literal()
+    early, late = (losses.n_step_returns(batch, Weights(s, 0.0, 1.0), config) for s in (0.0, 1.0))
+    assert_array_equal(early, late)
+    for i in range(B):
+        signals = batch.signals[i]
+        r = [reward(row[:6], row[6:9], float(row[9]), config) for row in signals]
+        expected = sum(d * x for d, x in zip(batch.step_discount[i], r, strict=True))
+        assert_allclose(early[i], expected, rtol=1e-4, atol=1e-4)

@@ -31,6 +31,7 @@ KEYS = {
     "return_mean",
     "expert_fraction",
     "success",
+    "overestimation",
 }
 
 
@@ -62,9 +63,13 @@ def test_a_run_reports_every_key(tmp_path: Path):
     rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
     assert [row["env_steps"] for row in rows] == [60, 120, 180, 240, 300]
     for row in rows:
-        assert row.keys() >= KEYS
+        assert row.keys() >= (KEYS if row["success"] is not None else KEYS - {"overestimation"})
         assert row.keys() >= {f"{kind}/{name}" for kind in ("term", "weight") for name in REWARD_TERMS}
     assert [row["success"] for row in rows] == [None, 0.5, None, 0.5, None]
+    for row in rows:
+        if row["success"] is not None:
+            assert row["return_start"] == resume_run.VALIDATION.discounted_return
+            assert_allclose(row["overestimation"], row["q_start"] - row["return_start"])
     assert rows[-1]["episode"] == 4 * (300 // 4 // 10)  # four rows, ten steps an episode
     for row in rows:
         assert_allclose(row["expert_fraction"], row["alpha"], atol=0.5 / 16)
@@ -88,13 +93,15 @@ def test_a_run_without_an_end_is_refused(tmp_path: Path, monkeypatch: pytest.Mon
 
 
 def test_tally_means_finished_episodes():
-    tally = EpisodeTally(np.zeros(3, np.float32))
+    tally = EpisodeTally.empty(3)
     none = np.zeros(3, bool)
-    tally.add(f32([1, 2, 3]), none, none)
+    assert tally.add(f32([1, 2, 3]), none, none, 0.5) == []
     assert tally.take() == {"return_mean": None, "train_success": None}
-    tally.add(f32([1, 1, 1]), np.array([True, False, True]), np.array([True, False, False]))
+    returns = tally.add(f32([1, 1, 1]), np.array([True, False, True]), np.array([True, False, False]), 0.5)
+    assert returns == [1.0 + 0.5 * 1.0, 3.0 + 0.5 * 1.0]
     assert tally.take() == {"return_mean": (2.0 + 4.0) / 2, "train_success": 0.5}
-    tally.add(f32([5, 5, 5]), np.array([True, True, False]), np.array([True, True, True]))
+    returns = tally.add(f32([5, 5, 5]), np.array([True, True, False]), np.array([True, True, True]), 0.5)
+    assert returns == [5.0, 2.0 + 0.5 * 1.0 + 0.25 * 5.0]
     assert tally.take() == {"return_mean": (5.0 + 8.0) / 2, "train_success": 1.0}
     assert tally.total == 4
 

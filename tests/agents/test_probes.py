@@ -8,6 +8,7 @@ import pytest
 from adrl.agents import checkpoint, networks
 from adrl.agents.backend import jnp
 from adrl.agents.config import Td3Config, TrainConfig
+from adrl.agents.methods import method_config
 from adrl.agents.train import TrainResult, train
 from probe_envs import PLAIN, Aim, Constant, Endless, ProbeEnv, Signed, TwoSteps
 
@@ -20,7 +21,7 @@ def run(env: ProbeEnv, out: Path, updates: int = 1500) -> TrainResult:
     config = TrainConfig(
         steps=steps, start_steps=64, exploration_std=(0.2, 0.8), td3=TD3, reward=PLAIN, replay_capacity=10_000
     )
-    return train(config, env, out)
+    return train(method_config("td3", config), env, out)
 
 
 def q_of(out: Path, x: float, action: tuple[float, float] = (0.0, 0.0)) -> list[float]:

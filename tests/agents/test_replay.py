@@ -20,7 +20,7 @@ def fill(replay: Replay, steps: int, seed: int) -> list[deque[dict]]:
     rng = np.random.default_rng(seed)
     n = replay.num_envs
     twin = [deque(maxlen=replay.rows) for _ in range(n)]
-    for _ in range(steps):
+    for t in range(steps):
         step = {
             "observation": rng.normal(size=(n, D)).astype(np.float32),
             "action": rng.normal(size=(n, 2)).astype(np.float32),
@@ -30,7 +30,8 @@ def fill(replay: Replay, steps: int, seed: int) -> list[deque[dict]]:
             "terminated": rng.random(n) < 0.15,
         }
         step["truncated"] = ~step["terminated"] & (rng.random(n) < 0.15)
-        replay.add(**step)
+        replay.add(**step, maturity=0.1 * t)
+        step["maturity"] = np.full(n, 0.1 * t, np.float32)
         for e in range(n):
             twin[e].append({name: np.array(value[e]) for name, value in step.items()})
     return twin
@@ -42,7 +43,7 @@ def window(rows: list[dict], start: int, n_step: int) -> dict:
     row = rows[start]
     for j in range(n_step):
         row = rows[start + j]
-        signals.append(np.concatenate([row["terms"], row["features"]]))
+        signals.append(np.concatenate([row["terms"], row["features"], [row["maturity"]]]))
         discounts.append(GAMMA**j)
         if row["terminated"] or row["truncated"]:
             break
@@ -109,6 +110,7 @@ def test_demonstrations_are_windows_too_and_stand_first_in_each_update():
             "next_observation": data.next_observation[i],
             "terminated": data.terminated[i],
             "truncated": data.truncated[i],
+            "maturity": 0.0,
         }
         for i in range(20)
     ]

@@ -58,9 +58,10 @@ def test_actions_are_in_range_and_leave_the_observation_alone(policy: MlpPolicy)
 def test_it_agrees_with_the_actor_that_was_trained():
     from adrl.agents.config import TrainConfig
     from adrl.agents.learner import Learner
+    from adrl.agents.methods import method_config
     from adrl.agents.networks import actor, actor_sizes
 
-    config = TrainConfig(steps=1)
+    config = method_config("td3", TrainConfig(steps=1))
     learner = Learner(config, 4, 48, None, None, np.random.default_rng(0))
     learner.state = learner.state._replace(actor=learner.state.actor * 5.0)
     learner._actor = learner.state.actor

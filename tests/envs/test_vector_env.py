@@ -47,7 +47,7 @@ OPTIONS: list[dict[str, Any]] = [
     {},
     {"guidance": "map", "scenario": "dynamic", "task_pool": 8},
     {"robot": random_robot(), "task_pool": 32},
-    {"robot": "jackal", "task_pool": 16, "maturity": 0.9},
+    {"robot": "jackal", "task_pool": 16, "maturity": 0.9, "task_priority": 2.0},
 ]
 
 
@@ -205,3 +205,22 @@ def test_reset_mask_leaves_the_others_alone() -> None:
     for name in ("pose", "ranges", "features", "displacements", "last_action", "memory", "params"):
         np.testing.assert_array_equal(after[name][[0, 2]], before[name][[0, 2]])
         assert (after[name][[1, 3]] != before[name][[1, 3]]).any() or name in ("features",)
+
+
+def test_tasks_that_fail_are_drawn_more_often():
+    """Of eight tasks in which robots run straight on, those that end in a crash come again more often."""
+    plain, prioritised = (
+        NavVectorEnv(16, task_pool=8, task_priority=priority, randomize=False) for priority in (0.0, 4.0)
+    )
+    crashes = {}
+    for env in (plain, prioritised):
+        env.reset(seed=5)
+        ended_in = np.zeros((2, 8))
+        for _ in range(400):
+            before = env._task_index.copy()
+            *_, info = env.step(np.where(before[:, None] < 4, FORWARD, env.expert_actions()))
+            np.add.at(ended_in[0], before[info["success"]], 1)
+            np.add.at(ended_in[1], before[info["collision"]], 1)
+        assert ended_in[1, :4].sum() > 20
+        crashes[env] = ended_in[1].sum() / ended_in.sum()
+    assert crashes[prioritised] > crashes[plain]

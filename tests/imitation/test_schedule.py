@@ -23,27 +23,31 @@ unit = st.floats(0.0, 1.0)
 DT = CONFIG.interval_updates
 
 
+def at(maturity: float) -> MaturityState:
+    return MaturityState(maturity=maturity)
+
+
 @given(unit, unit)
 def test_the_expert_is_released_as_the_critic_matures(a: float, b: float):
     young, old = sorted((a, b))
-    assert CONFIG.alpha_min <= alpha(old, CONFIG) <= alpha(young, CONFIG) <= CONFIG.alpha_max
-    assert 0.0 < lambda_bc(old, CONFIG) <= lambda_bc(young, CONFIG) <= CONFIG.lambda_max
+    assert CONFIG.alpha_min <= alpha(at(old), CONFIG) <= alpha(at(young), CONFIG) <= CONFIG.alpha_max
+    assert 0.0 < lambda_bc(at(old), CONFIG) <= lambda_bc(at(young), CONFIG) <= CONFIG.lambda_max
 
 
 def test_phases():
     """Stabilisation: alpha near its maximum, lambda at it. Autonomy: both nearly released."""
-    assert alpha(0.0, CONFIG) > 0.95 * CONFIG.alpha_max
-    assert lambda_bc(0.0, CONFIG) == CONFIG.lambda_max
-    assert alpha(CONFIG.b_alpha / CONFIG.k_alpha, CONFIG) == (CONFIG.alpha_min + CONFIG.alpha_max) / 2
-    assert alpha(1.0, CONFIG) < CONFIG.alpha_min + 0.05 * CONFIG.alpha_max
-    assert math.isclose(lambda_bc(1.0, CONFIG), CONFIG.lambda_max * math.exp(-CONFIG.k_q))
+    assert alpha(at(0.0), CONFIG) > 0.95 * CONFIG.alpha_max
+    assert lambda_bc(at(0.0), CONFIG) == CONFIG.lambda_max
+    assert alpha(at(CONFIG.b_alpha / CONFIG.k_alpha), CONFIG) == (CONFIG.alpha_min + CONFIG.alpha_max) / 2
+    assert alpha(at(1.0), CONFIG) < CONFIG.alpha_min + 0.05 * CONFIG.alpha_max
+    assert math.isclose(lambda_bc(at(1.0), CONFIG), CONFIG.lambda_max * math.exp(-CONFIG.k_q))
 
 
 def test_without_imitation_nothing_is_left_of_it():
     plain = ScheduleConfig(alpha_min=0.0, alpha_max=0.0, lambda_max=0.0)
     for s in (0.0, 0.3, 1.0):
-        assert alpha(s, plain) == 0.0
-        assert lambda_bc(s, plain) == 0.0
+        assert alpha(at(s), plain) == 0.0
+        assert lambda_bc(at(s), plain) == 0.0
 
 
 @given(st.floats(-10, 10), st.floats(-5, 5), st.floats(0.01, 5), st.floats(0.1, 100), st.floats(-5, 5))
@@ -122,3 +126,47 @@ def test_the_loop_through_the_weights_settles(lag_updates: float, feedback: floa
 def test_bad_constants_are_refused_by_name(bad: dict[str, float]):
     with pytest.raises(ConfigError, match=next(iter(bad))):
         ScheduleConfig(**bad)  # pyright: ignore[reportArgumentType]
+
+
+LITERAL = CONFIG.literal()
+
+
+def test_eqs_3_and_5_as_printed_by_hand():
+    """Q = -1: alpha = sigma(8 + 4), lambda = 0.5 e^4, both above their maxima; Q = 0.5: sigma(0), 0.5 e^-2."""
+    young = MaturityState(statistic=-1.0)
+    assert math.isclose(alpha(young, LITERAL), 1.0 / (1.0 + math.exp(-12.0)))
+    assert math.isclose(lambda_bc(young, LITERAL), 0.5 * math.exp(4.0))
+    assert alpha(young, CONFIG) <= CONFIG.alpha_max
+    assert lambda_bc(young, CONFIG) <= CONFIG.lambda_max
+    older = MaturityState(statistic=0.5)
+    assert math.isclose(alpha(older, LITERAL), 0.5)
+    assert math.isclose(lambda_bc(older, LITERAL), 0.5 * math.exp(-2.0))
+    assert math.isfinite(lambda_bc(MaturityState(statistic=-1e9), LITERAL))
+
+
+def test_eq_13_as_printed_hides_progress_behind_running_extremes():
+    """Any value that is the highest so far counts as fully mature, and the next lower one as not at all."""
+    state, path = MaturityState(), []
+    for value in (0.3, 0.4, 0.2, 0.3):
+        state = update(state, value, Bounds(0.0, 10.0), DT, LITERAL)
+        path.append(state.maturity)
+    assert path == pytest.approx([0.0, 1.0, 0.0, 0.5])
+    assert (state.lowest, state.highest) == (0.2, 0.4)
+
+
+def test_the_clock_releases_whatever_the_critic_says():
+    config = ScheduleConfig(driver="clock", warmup_updates=500, clock_updates=1000.0)
+    state, path = MaturityState(), []
+    for _ in range(20):
+        state = update(state, -100.0, Bounds(0.0, 1.0), DT, config)
+        path.append(state.maturity)
+    assert path == pytest.approx([min(max((100 * i - 500) / 1000, 0.0), 1.0) for i in range(1, 21)])
+
+
+def test_bounds_are_needed_only_where_they_are_used():
+    assert CONFIG.needs_bounds
+    assert ScheduleConfig(driver="return", eq13="literal").needs_bounds
+    assert not LITERAL.needs_bounds
+    assert not ScheduleConfig(driver="clock").needs_bounds
+    with pytest.raises(ConfigError, match="driver"):
+        ScheduleConfig(driver="moon")  # pyright: ignore[reportArgumentType]

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,31 +10,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from adrl.errors import ConfigError
-from adrl.rewards import FEATURES, REWARD_TERMS, RewardConfig, Step, features, reward, terms, weights
-
-CONFIG = RewardConfig()
-COLUMN = {name: i for i, name in enumerate(REWARD_TERMS)}
-
-
-def a_step(**changes: object) -> Step:
-    values: dict[str, object] = dict(
-        reached=False,
-        collided=False,
-        speed_mps=0.6,
-        yaw_rate_radps=0.0,
-        distance_m=4.0,
-        previous_distance_m=4.0,
-        heading_error_rad=0.0,
-        previous_heading_error_rad=0.0,
-        clearance_m=1.0,
-        mean_displacement_m=0.06,
-    )
-    arrays: Any = {name: np.atleast_1d(cast(Any, v)) for name, v in (values | changes).items()}
-    return Step(**arrays, max_speed_mps=0.6, max_yaw_rate_radps=1.5, dt_s=0.1)
-
-
-def term(name: str, **changes: object) -> float:
-    return float(terms(a_step(**changes), CONFIG)[0, COLUMN[name]])
+from adrl.rewards import FEATURES, REWARD_TERMS, RewardConfig, features, reward, terms, weights
+from reward_steps import CONFIG, a_step, term
 
 
 def test_terms_have_the_order_of_the_table():
@@ -152,4 +128,4 @@ def test_reward_is_the_weighted_sum_in_numpy_and_in_jax():
 @pytest.mark.parametrize("name", ["safe_clearance_m", "scale", "failure_weight"])
 def test_bad_constants_are_refused_by_name(name: str, bad: float):
     with pytest.raises(ConfigError, match=name):
-        RewardConfig(**{name: bad})
+        RewardConfig(**{name: bad})  # pyright: ignore[reportArgumentType]

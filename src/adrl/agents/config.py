@@ -1,12 +1,13 @@
 """The learner's configuration. Intervals count updates or environment steps; actions are in [-1, 1]."""
 
 import math
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any, Self
 
 from adrl.errors import ConfigError
 from adrl.imitation.schedule import ScheduleConfig
 from adrl.rewards import RewardConfig
+from adrl.types import Form, require_forms
 
 
 def _check(owner: object, low: float, high: float, *names: str) -> None:
@@ -53,8 +54,12 @@ class Td3Config:
     """Least value of the mean |Q| that the cloning term is measured in (eq 6)."""
     q_filter: bool = False
     """Clone only where the critic prefers the expert's action to the actor's ("selective", eq 6)."""
+    eq6: Form = "corrected"
+    """The actor's objective. Literal: Q is not divided by its mean absolute value, so that the weight of cloning
+    beside it depends on the scale of the reward."""
 
     def __post_init__(self) -> None:
+        require_forms(self, "eq6")
         if not self.widths or min(self.widths) < 1:
             raise ConfigError(f"Td3Config.widths is {self.widths}; give one or more positive widths")
         _check(self, 1, math.inf, "n_step", "batch_size", "bc_batch_size", "policy_delay")
@@ -86,8 +91,13 @@ class TrainConfig:
     """Online updates during which the actor only clones: a cold critic would undo what was cloned."""
     exploration_std: tuple[float, float] = (0.05, 0.4)
     """Standard deviation of the action noise of the first and of the last robot; evenly spaced between."""
-    default_maturity: float = 0.5
-    """S where there is no probe to measure it: weighs the reward and stays."""
+    dynamic_reward: bool = True
+    """Weigh the reward by today's S (eqs 14-17); if not, by static_maturity."""
+    static_maturity: float = 0.5
+    """S of the reward weights where they are static."""
+    mirror: bool = True
+    """Mirror half of the rows of every batch, left for right: what a symmetric robot learns in a world it also
+    learns in the mirrored one. Robots whose body or LiDAR is not symmetric are never mirrored."""
     log_interval_steps: int = 6400
     """Environment steps between rows of metrics.jsonl."""
     eval_interval_steps: int | None = None
@@ -105,7 +115,7 @@ class TrainConfig:
         _check(self, 0, 2**63 - 1, "seed")
         _check(self, 0, math.inf, "start_steps", "pretrain_updates", "critic_warmup_updates")
         _check(self, 1, math.inf, "updates_per_iteration", "replay_capacity", "log_interval_steps")
-        _check(self, 0.0, 1.0, "default_maturity")
+        _check(self, 0.0, 1.0, "static_maturity")
         if self.updates_per_iteration % self.td3.policy_delay:
             raise ConfigError(
                 f"TrainConfig.updates_per_iteration is {self.updates_per_iteration}; give a multiple of "
@@ -116,6 +126,20 @@ class TrainConfig:
             raise ConfigError(
                 f"TrainConfig.exploration_std is {self.exploration_std}; give 0 <= first <= last <= 2"
             )
+
+    @property
+    def measures_maturity(self) -> bool:
+        """Whether S matters: to the reward's weights, or to the release of the expert."""
+        return self.dynamic_reward or self.schedule.imitates
+
+    def literal(self) -> Self:
+        """The same constants with every equation as printed."""
+        return replace(
+            self,
+            td3=replace(self.td3, eq6="literal"),
+            schedule=self.schedule.literal(),
+            reward=self.reward.literal(),
+        )
 
     def comparable(self) -> dict[str, Any]:
         """The configuration without the budget: a run may be resumed to go on for longer."""

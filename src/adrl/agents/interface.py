@@ -59,5 +59,18 @@ class TrainResult:
     train_seconds: float
 
 
-Evaluate = Callable[[MlpPolicy], Mapping[str, float]]
-"""Policy -> numbers for the metrics row, `success` among them. It must not touch the training environment."""
+@dataclass(frozen=True, kw_only=True)
+class Validation:
+    """How a policy did on the validation tasks."""
+
+    success: float
+    """Fraction that arrived."""
+    start: F32
+    """(E, D) observations of the start states."""
+    discounted_return: float
+    """Mean over the tasks of the discounted return that was realised from there."""
+
+
+Evaluate = Callable[[MlpPolicy, float], Validation]
+"""Drives a policy; the number is S of the reward weights under which returns are formed. It must not touch the
+training environment, and its time is not the run's: it measures, and the budget is for learning."""

@@ -1,6 +1,7 @@
 """The learner: replay, networks and schedule. It samples, updates and matures; train.py drives it."""
 
 import zlib
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -13,10 +14,11 @@ from adrl.agents.config import TrainConfig
 from adrl.agents.losses import Batch, ExpertBatch, Weights
 from adrl.agents.replay import Demonstrations, Replay
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
-from adrl.errors import CheckpointError
+from adrl.errors import CheckpointError, ConfigError
 from adrl.imitation import schedule
 from adrl.imitation.probe import BoundsTable, Probe
 from adrl.imitation.schedule import Bounds, MaturityState
+from adrl.observation import Mirror
 
 F32 = NDArray[np.float32]
 
@@ -32,24 +34,40 @@ class Learner:
         demonstrations: Demonstrations | None,
         probe: Probe | None,
         rng: np.random.Generator,
+        mirror: Mirror | None = None,
     ) -> None:
-        """Raises DatasetError if the demonstrations are malformed or of another shape."""
+        """demonstrations are left aside by a method that does not imitate, and S stays 0 without the probe it needs.
+
+        mirror: of the observations, None for a robot that is not symmetric. Raises ConfigError if demonstrations or
+        probe are missing, DatasetError if they are malformed or of another shape.
+        """
+        if not config.schedule.imitates:
+            demonstrations = None
+        elif demonstrations is None:
+            raise ConfigError(
+                "the method imitates and needs demonstrations; collect some, or take another method"
+            )
+        if config.measures_maturity and config.schedule.needs_bounds and probe is None:
+            raise ConfigError("the maturity S is measured against a probe (adrl.imitation.probe); record one")
         self._config = config
         self._rng = rng
         rows = max(config.replay_capacity // num_envs, 1)
         of_targets = config.td3.n_step, config.td3.gamma
-        self.replay = Replay(rows, num_envs, observation_size, *of_targets, demonstrations)
+        self._mirror = mirror if config.mirror else None
+        self.replay = Replay(rows, num_envs, observation_size, *of_targets, demonstrations, self._mirror)
         self._probe = None if probe is None else jnp.array(probe.observation, copy=True)
         self._bounds = None if probe is None else BoundsTable(probe, config.td3.gamma, config.reward)
+        self._returns: list[float] = []
         self._shape = td3.make_shape(observation_size, config.td3, config.reward)
         self._update = td3.make_update(self._shape)
         self._probe_value = td3.make_probe_value(self._shape)
+        self._q_of_average = td3.make_q_of_average(self._shape)
         self.state = td3.init_state(rng, self._shape)
         self._actor = jnp.array(self.state.actor, copy=True)
         self._info: td3.UpdateInfo | None = None
         self._schedule = MaturityState()
         self._measured_at = 0
-        self.probe_value, self.bounds = float("nan"), Bounds(float("nan"), float("nan"))
+        self.bounds = Bounds(float("nan"), float("nan"))
         self.pretrain_updates = 0
         self.online_updates = 0
 
@@ -65,20 +83,26 @@ class Learner:
 
     @property
     def maturity(self) -> float:
-        """S(t) (eq 13)."""
-        return self._config.default_maturity if self._probe is None else self._schedule.maturity
+        """S(t) (eq 13); static_maturity where nothing follows it."""
+        config = self._config
+        return self._schedule.maturity if config.measures_maturity else config.static_maturity
+
+    @property
+    def reward_maturity(self) -> float:
+        """S of today's reward weights (eqs 14-16)."""
+        return self.maturity if self._config.dynamic_reward else self._config.static_maturity
 
     @property
     def alpha(self) -> float:
         """alpha(t) (eq 3); 0 without demonstrations."""
-        return schedule.alpha(self.maturity, self._config.schedule) if self.has_expert else 0.0
+        return schedule.alpha(self._schedule, self._config.schedule) if self.has_expert else 0.0
 
     @property
     def lambda_bc(self) -> float:
         """Weight of cloning: lambda(t) (eq 5), 1 while the actor only clones, 0 without demonstrations."""
-        if not self.has_expert:
+        if not self.clones:
             return 0.0
-        return 1.0 if self.clones_only else schedule.lambda_bc(self.maturity, self._config.schedule)
+        return 1.0 if self.clones_only else schedule.lambda_bc(self._schedule, self._config.schedule)
 
     @property
     def expert_rows(self) -> int:
@@ -86,15 +110,25 @@ class Learner:
         return round(self.alpha * self._config.td3.batch_size)
 
     @property
+    def clones(self) -> bool:
+        """Whether the actor ever clones the expert."""
+        return self.has_expert and self._config.schedule.lambda_max > 0.0
+
+    @property
     def pretraining(self) -> bool:
         """Whether updates on demonstrations alone are still due."""
-        return self.has_expert and self.pretrain_updates < self._config.pretrain_updates
+        return self.clones and self.pretrain_updates < self._config.pretrain_updates
 
     @property
     def clones_only(self) -> bool:
         """Whether the actor only clones: in pretraining, and while the critics are still cold."""
         warm = self.online_updates >= self._config.critic_warmup_updates
-        return self.has_expert and (self.pretraining or not warm)
+        return self.clones and (self.pretraining or not warm)
+
+    @property
+    def acts_at_random(self) -> bool:
+        """Whether the actor has learnt nothing yet that could drive."""
+        return self.updates == 0
 
     def update(self) -> None:
         """Sample and start updates_per_iteration updates; they run while the caller goes on."""
@@ -103,7 +137,7 @@ class Learner:
         expert_rows = config.td3.batch_size if pretraining else self.expert_rows
         rows = self._sample(expert_rows, updates)
         labels = self._sample_labels(updates // config.td3.policy_delay)
-        weights = Weights(self.maturity, self.lambda_bc, q_weight=0.0 if self.clones_only else 1.0)
+        weights = Weights(self.reward_maturity, self.lambda_bc, q_weight=0.0 if self.clones_only else 1.0)
         weights = Weights(*(np.float32(w) for w in weights))
         self.state, self._actor, self._info = self._update(self.state, rows, labels, weights)
         if pretraining:
@@ -111,17 +145,37 @@ class Learner:
         else:
             self.online_updates += updates
 
-    def mature(self) -> None:
-        """Measure S if it is due (eqs 2, 13). Waits for the running updates."""
+    def mature(self, returns: Iterable[float] = ()) -> None:
+        """Measure S if it is due (eqs 2, 13). Waits for the running updates.
+
+        returns: discounted returns of the training episodes that have ended since the last call.
+        """
+        config = self._config.schedule
+        if config.driver == "return":
+            self._returns += returns
         since = self.online_updates - self._measured_at
-        if self._probe is None or self._bounds is None or since < self._config.schedule.interval_updates:
+        if not self._config.measures_maturity or since < config.interval_updates:
             return
-        self.probe_value = float(self._probe_value(self.state, self._probe))
-        self.bounds = self._bounds.at(self._schedule.maturity)
-        self._schedule = schedule.update(
-            self._schedule, self.probe_value, self.bounds, since, self._config.schedule
-        )
+        if self._bounds is not None:
+            self.bounds = self._bounds.at(self.reward_maturity)
+        self._schedule = schedule.update(self._schedule, self._statistic(), self.bounds, since, config)
+        self._returns.clear()
         self._measured_at = self.online_updates
+
+    def _statistic(self) -> float:
+        """Q(t) (eq 2), or what stands for it in the controls."""
+        config, last = self._config.schedule, self._schedule.statistic
+        if config.driver == "return":
+            # Without a finished episode there is nothing new; before the first, nothing has been learnt.
+            fallback = self.bounds.low if last is None else last
+            return float(np.mean(self._returns)) if self._returns else fallback
+        if config.eq2 == "literal" or self._probe is None:
+            return 0.0 if self._info is None else float(self._info.q_mean)
+        return float(self._probe_value(self.state, self._probe))
+
+    def q_at(self, observation: F32) -> float:
+        """Mean Q_1(s, pi(s)) of the averaged actor over states (B, D): what the critic promises from there."""
+        return float(self._q_of_average(self.state, jnp.array(observation, copy=True)))
 
     def policy(self, config: PolicyConfig, *, averaged: bool = True) -> MlpPolicy:
         """The averaged actor, or today's, in numpy with its own memory. Waits for the running updates."""
@@ -131,7 +185,7 @@ class Learner:
 
     def row(self) -> dict[str, float | int | None]:
         """The learner's part of a metrics row."""
-        info = self._info
+        info, statistic = self._info, self._schedule.statistic
         return {
             "updates": self.updates,
             "S": self.maturity,
@@ -140,7 +194,7 @@ class Learner:
             "q_mean": None if info is None else float(info.q_mean),
             "critic_loss": None if info is None else float(info.critic_loss),
             "expert_fraction": self.expert_rows / self._config.td3.batch_size,
-            "probe_value": self.probe_value,
+            "statistic": float("nan") if statistic is None else statistic,
             "q_min": self.bounds.low,
             "q_max": self.bounds.high,
         }
@@ -155,8 +209,9 @@ class Learner:
         return {
             "schedule": list(self._schedule),
             "measured_at": self._measured_at,
-            "probe_value": None if np.isnan(self.probe_value) else self.probe_value,
             "bounds": None if np.isnan(self.bounds.low) else list(self.bounds),
+            "returns": self._returns,
+            "info": None if self._info is None else [float(number) for number in self._info],
             "pretrain_updates": self.pretrain_updates,
             "online_updates": self.online_updates,
             "data": self.fingerprint(),
@@ -178,7 +233,10 @@ class Learner:
         self._schedule = MaturityState(*numbers["schedule"])
         self._measured_at = numbers["measured_at"]
         if numbers["bounds"] is not None:
-            self.probe_value, self.bounds = numbers["probe_value"], Bounds(*numbers["bounds"])
+            self.bounds = Bounds(*numbers["bounds"])
+        self._returns = list(numbers["returns"])
+        if numbers["info"] is not None:
+            self._info = td3.UpdateInfo(*(jnp.float32(number) for number in numbers["info"]))
         self.pretrain_updates = numbers["pretrain_updates"]
         self.online_updates = numbers["online_updates"]
 
@@ -196,8 +254,6 @@ class Learner:
 
     def _sample_labels(self, count: int) -> ExpertBatch | None:
         """Cloning batches (count, M, ...); None where nothing is ever cloned: plain TD3 pays for none."""
-        config = self._config
-        warms_up = config.pretrain_updates + config.critic_warmup_updates > 0
-        if not self.has_expert or not (config.schedule.lambda_max > 0.0 or warms_up):
+        if not self.clones:
             return None
-        return self.replay.sample_labels(self._rng, (count, config.td3.bc_batch_size))
+        return self.replay.sample_labels(self._rng, (count, self._config.td3.bc_batch_size))

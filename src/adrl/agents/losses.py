@@ -8,7 +8,7 @@ from adrl.agents import networks
 from adrl.agents.backend import jax, jnp
 from adrl.agents.config import Td3Config
 from adrl.agents.networks import Sizes
-from adrl.rewards import REWARD_TERMS, RewardConfig, reward
+from adrl.rewards import FEATURES, REWARD_TERMS, RewardConfig, reward
 
 Array = jax.Array
 Rows = Any
@@ -24,7 +24,8 @@ class Batch(NamedTuple):
     action: Rows
     """(B, 2) executed a_t."""
     signals: Rows
-    """(B, n, R + F) of the steps t, t+1, ...: reward terms, then features of the states left."""
+    """(B, n, R + F + 1) of the steps t, t+1, ...: reward terms, features of the states left, S of when they were
+    stored."""
     step_discount: Rows
     """(B, n) gamma^j where step t+j belongs to the episode of step t, else 0."""
     bootstrap_observation: Rows
@@ -48,7 +49,7 @@ class Weights(NamedTuple):
     """What the schedule says today: scalars, so that a new value compiles nothing."""
 
     maturity: Scalar
-    """S(t), which forms the reward (eqs 14-17)."""
+    """S(t) of the reward's weights (eqs 14-17)."""
     lambda_bc: Scalar
     """lambda(t) (eq 5)."""
     q_weight: Scalar
@@ -67,10 +68,12 @@ class Shape(NamedTuple):
 def n_step_returns(batch: Batch, weights: Weights, config: RewardConfig) -> Array:
     """sum_j gamma^j r_{t+j}, the reward formed here from the stored terms with today's S (eq 17): (..., B).
 
-    It depends on no network, so one pass serves all batches of a call.
+    Literal: with the S of the day it was stored. It depends on no network, so one pass serves all batches of a call.
     """
-    terms, features = jnp.split(batch.signals, [len(REWARD_TERMS)], axis=-1)
-    rewards = reward(terms, features, weights.maturity, config)  # (..., B, n, R) -> (..., B, n)
+    columns = np.cumsum([len(REWARD_TERMS), len(FEATURES)])
+    terms, features, stored = jnp.split(batch.signals, columns, axis=-1)
+    maturity = stored[..., 0] if config.eq17 == "literal" else weights.maturity
+    rewards = reward(terms, features, maturity, config)  # (..., B, n, R) -> (..., B, n)
     return (rewards * batch.step_discount).sum(axis=-1)
 
 
@@ -106,16 +109,17 @@ def actor_loss(
     """-E[Q_1(s, pi(s))] + lambda max(mean |Q_1|, floor) E_D2[|pi(s) - a_e|^2] (eq 6).
 
     This is eq 6 with Q divided by its mean absolute value, times that value: lambda means the same for any
-    scale of the reward, and lambda = 0 leaves TD3's gradient untouched.
+    scale of the reward, and lambda = 0 leaves TD3's gradient untouched. Literal: without that factor.
     """
     action = networks.actor(actor, observation, shape.actor)
     q = networks.first_critic(critics, observation, action, shape.critic, shape.td3.critic_layer_norm)
     climb = -q.mean()
     if expert is None:
         return climb
-    q_scale = jax.lax.stop_gradient(jnp.maximum(jnp.abs(q).mean(), shape.td3.q_scale_floor))
-    cloning = cloning_loss(actor, critics, expert, weights, shape)
-    return weights.q_weight * climb + weights.lambda_bc * q_scale * cloning
+    cloning = weights.lambda_bc * cloning_loss(actor, critics, expert, weights, shape)
+    if shape.td3.eq6 == "corrected":
+        cloning *= jax.lax.stop_gradient(jnp.maximum(jnp.abs(q).mean(), shape.td3.q_scale_floor))
+    return weights.q_weight * climb + cloning
 
 
 def cloning_loss(actor: Array, critics: Array, expert: ExpertBatch, weights: Weights, shape: Shape) -> Array:

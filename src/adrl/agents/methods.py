@@ -1,4 +1,8 @@
-"""Training methods: each is a delta of a few lines on the learner's configuration."""
+"""Training methods: each is a delta of a few lines on the learner's configuration.
+
+All share networks, budget, demonstrations and evaluation. In every method that does not imitate, the expert is not used
+at all: no rows of its, no cloning before the first step.
+"""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -6,21 +10,105 @@ from dataclasses import replace
 from adrl.agents.config import TrainConfig
 from adrl.errors import UnknownName
 
+FOR_EVER = 2**31
+
 
 def adrl(config: TrainConfig) -> TrainConfig:
     """The paper's method: expert share, cloning weight and reward weights all follow the critic's maturity."""
     return config
 
 
+def adrl_literal(config: TrainConfig) -> TrainConfig:
+    """ADRL with every equation as the paper prints it."""
+    return config.literal()
+
+
+def adrl_clock(config: TrainConfig) -> TrainConfig:
+    """Control: ADRL's release curve, driven by the clock instead of the critic."""
+    return replace(config, schedule=replace(config.schedule, driver="clock"))
+
+
+def adrl_return(config: TrainConfig) -> TrainConfig:
+    """Control: ADRL's release curve, driven by the return of the training episodes instead of the critic."""
+    return replace(config, schedule=replace(config.schedule, driver="return"))
+
+
+def adrl_alpha(config: TrainConfig) -> TrainConfig:
+    """ADRL with the expert share (eqs 3, 4) alone: nothing is cloned."""
+    return replace(config, schedule=replace(config.schedule, lambda_max=0.0))
+
+
+def adrl_lambda(config: TrainConfig) -> TrainConfig:
+    """ADRL with the cloning weight (eqs 5, 6) alone: the critic never sees the expert's rows after pretraining."""
+    return replace(config, schedule=replace(config.schedule, alpha_min=0.0, alpha_max=0.0))
+
+
+def rl_reward(config: TrainConfig) -> TrainConfig:
+    """The paper's ablation: TD3 with the dynamic reward, without imitation."""
+    return replace(config, schedule=replace(config.schedule, alpha_min=0.0, alpha_max=0.0, lambda_max=0.0))
+
+
+def rl_bc(config: TrainConfig) -> TrainConfig:
+    """The paper's ablation: TD3 on the static reward with a cloning weight that stays at lambda_max."""
+    return replace(_fixed(config, alpha=0.0, lambda_bc=config.schedule.lambda_max), dynamic_reward=False)
+
+
 def td3(config: TrainConfig) -> TrainConfig:
-    """TD3 on the same reward with static weights, without demonstrations."""
-    schedule = replace(config.schedule, alpha_min=0.0, alpha_max=0.0, lambda_max=0.0)
-    return replace(config, schedule=schedule, pretrain_updates=0, critic_warmup_updates=0)
+    """TD3 on the static reward, without imitation."""
+    return replace(rl_reward(config), dynamic_reward=False)
 
 
-METHODS: dict[str, Callable[[TrainConfig], TrainConfig]] = {"adrl": adrl, "td3": td3}
+def td3bc(config: TrainConfig) -> TrainConfig:
+    """TD3+BC (Fujimoto and Gu 2021): fixed weight 1 / 2.5 of cloning beside the normalised Q, half of each batch D2."""
+    return replace(_fixed(config, alpha=0.5, lambda_bc=0.4), dynamic_reward=False)
 
-WITHOUT_DEMONSTRATIONS = frozenset({"td3"})
+
+def bc(config: TrainConfig) -> TrainConfig:
+    """Behaviour cloning alone: the actor never climbs the critic."""
+    return replace(td3bc(config), critic_warmup_updates=FOR_EVER)
+
+
+def rlpd(config: TrainConfig) -> TrainConfig:
+    """After RLPD (Ball et al. 2023): half of each batch from D2, LayerNorm critics, nothing is cloned."""
+    return replace(
+        _fixed(config, alpha=0.5, lambda_bc=0.0),
+        dynamic_reward=False,
+        td3=replace(config.td3, critic_layer_norm=True),
+    )
+
+
+def q_filter(config: TrainConfig) -> TrainConfig:
+    """After Nair et al. 2018: a fixed cloning weight, only where the critic prefers the expert's action."""
+    return replace(
+        _fixed(config, alpha=0.25, lambda_bc=config.schedule.lambda_max),
+        dynamic_reward=False,
+        td3=replace(config.td3, q_filter=True),
+    )
+
+
+def _fixed(config: TrainConfig, *, alpha: float, lambda_bc: float) -> TrainConfig:
+    """Imitation that is never released."""
+    return replace(
+        config,
+        schedule=replace(config.schedule, alpha_min=alpha, alpha_max=alpha, lambda_max=lambda_bc, k_q=0.0),
+    )
+
+
+METHODS: dict[str, Callable[[TrainConfig], TrainConfig]] = {
+    "adrl": adrl,
+    "adrl-literal": adrl_literal,
+    "adrl-clock": adrl_clock,
+    "adrl-return": adrl_return,
+    "adrl-alpha": adrl_alpha,
+    "adrl-lambda": adrl_lambda,
+    "rl-reward": rl_reward,
+    "rl-bc": rl_bc,
+    "td3": td3,
+    "td3bc": td3bc,
+    "bc": bc,
+    "rlpd": rlpd,
+    "q-filter": q_filter,
+}
 
 
 def method_config(name: str, config: TrainConfig) -> TrainConfig:

@@ -67,19 +67,34 @@ class MetricsLog:
 
 @dataclass
 class EpisodeTally:
-    """Returns of running episodes, and what ended since the last row. Undiscounted, under today's S."""
+    """Returns of running episodes, and what ended since the last row. Each step under the S of its day."""
 
     running: F32
     """(N,) return of the episodes that still run."""
+    discounted: F32
+    """(N,) the same, discounted from the episode's start."""
+    discount: F32
+    """(N,) gamma to the power of the steps since the episode's start."""
     finished: int = 0
     succeeded: int = 0
     return_sum: float = 0.0
     total: int = 0
     """Episodes since the start of the run."""
 
-    def add(self, rewards: F32, ended: NDArray[np.bool_], success: NDArray[np.bool_]) -> None:
-        """Count one step of all rows: (N,) each."""
+    @classmethod
+    def empty(cls, num_envs: int) -> "EpisodeTally":
+        """Before the first step."""
+        zeros = np.zeros(num_envs, np.float32)
+        return cls(zeros, zeros.copy(), np.ones(num_envs, np.float32))
+
+    def add(
+        self, rewards: F32, ended: NDArray[np.bool_], success: NDArray[np.bool_], gamma: float
+    ) -> list[float]:
+        """Count one step of all rows: (N,) each. Returns the discounted returns of the episodes that it ended."""
         self.running += rewards
+        self.discounted += self.discount * rewards
+        self.discount *= np.float32(gamma)
+        returns = self.discounted[ended].tolist()
         if ended.any():
             number = int(ended.sum())
             self.finished += number
@@ -87,6 +102,9 @@ class EpisodeTally:
             self.succeeded += int((success & ended).sum())
             self.return_sum += float(self.running[ended].sum(dtype=np.float64))
             self.running[ended] = 0.0
+            self.discounted[ended] = 0.0
+            self.discount[ended] = 1.0
+        return returns
 
     def take(self) -> dict[str, float | int | None]:
         """Means over what ended since the last call, None without any."""
@@ -98,8 +116,12 @@ class EpisodeTally:
         self.finished, self.succeeded, self.return_sum = 0, 0, 0.0
         return row
 
+    def arrays(self) -> dict[str, F32]:
+        """What is kept of every row."""
+        return {name: getattr(self, name) for name in ("running", "discounted", "discount")}
+
     def state(self) -> dict[str, Any]:
-        """All but `running`, as plain numbers."""
+        """The rest, as plain numbers."""
         return {name: getattr(self, name) for name in ("finished", "succeeded", "return_sum", "total")}
 
 

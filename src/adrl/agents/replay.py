@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from adrl.agents.losses import Batch, ExpertBatch
 from adrl.errors import CheckpointError, DatasetError
 from adrl.imitation.demonstrations import Demonstrations
+from adrl.observation import Mirror
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -36,8 +37,11 @@ class Replay:
         n_step: int,
         gamma: float,
         demonstrations: Demonstrations | None = None,
+        mirror: Mirror | None = None,
     ) -> None:
-        """rows: T, at least n_step. n_step, gamma: of the targets. Raises DatasetError if D differs."""
+        """rows: T, at least n_step. n_step, gamma: of the targets. mirror: every other row that is sampled is
+        mirrored by it. Raises DatasetError if D differs."""
+        self._mirror = mirror
         self.n_step = n_step
         self.rows = max(rows, n_step)
         self.num_envs = num_envs
@@ -50,7 +54,7 @@ class Replay:
             "observation": np.zeros((size, observation_size), np.float32),
             "next_observation": np.zeros((size, observation_size), np.float32),
             "action": np.zeros((size, ACTION_SIZE), np.float32),
-            "signals": np.zeros((size, NUM_TERMS + NUM_FEATURES), np.float32),
+            "signals": np.zeros((size, NUM_TERMS + NUM_FEATURES + 1), np.float32),
             "ending": np.zeros(size, np.uint8),
         }
         shape = num_envs, self.rows
@@ -76,7 +80,8 @@ class Replay:
             "observation": data.observation,
             "next_observation": data.next_observation,
             "action": data.action,
-            "signals": np.concatenate([data.reward_terms, data.features], axis=1),
+            # Recorded before anything was learnt: S = 0.
+            "signals": np.concatenate([data.reward_terms, data.features, np.zeros((len(data), 1))], axis=1),
             "ending": _ending(data.terminated, data.truncated),
         }
         for name, source in sources.items():
@@ -92,14 +97,17 @@ class Replay:
         next_observation: F32,
         terminated: Mask,
         truncated: Mask,
+        maturity: float,
     ) -> None:
-        """Write one step of all N environments. next_observation: the true successors, before any reset."""
+        """Write one step of all N environments. next_observation: the true successors, before any reset; maturity:
+        S of today's reward weights, for the literal eq 17."""
         online, head = self._online, self.head
         online["observation"][:, head] = observation
         online["next_observation"][:, head] = next_observation
         online["action"][:, head] = action
         online["signals"][:, head, :NUM_TERMS] = terms
-        online["signals"][:, head, NUM_TERMS:] = features
+        online["signals"][:, head, NUM_TERMS:-1] = features
+        online["signals"][:, head, -1] = maturity
         online["ending"][:, head] = _ending(terminated, truncated)
         self.head = (head + 1) % self.rows
         self.count = min(self.count + 1, self.rows)
@@ -157,12 +165,18 @@ class Replay:
             last = np.where(alive, windows[..., j], last)
             last_ending = np.where(alive, ending[..., j], last_ending)
         first = windows[..., 0]
+        observation, action = self._take("observation", first), self._take("action", first)
+        successor = self._take("next_observation", last)
+        if self._mirror is not None:
+            self._mirror.observation(observation[..., ::2, :])
+            self._mirror.observation(successor[..., ::2, :])
+            self._mirror.action(action[..., ::2, :])
         return Batch(
-            observation=self._take("observation", first),
-            action=self._take("action", first),
+            observation=observation,
+            action=action,
             signals=self._take("signals", windows),
             step_discount=step_discount,
-            bootstrap_observation=self._take("next_observation", last),
+            bootstrap_observation=successor,
             bootstrap_discount=bootstrap * (last_ending != TERMINATED),
             target_noise=noise,
         )
@@ -175,13 +189,17 @@ class Replay:
         """Draw demonstration rows uniformly: states and the expert's actions in them, (*shape, ...)."""
         index = rng.integers(self.expert_steps, size=shape)
         labels = np.take(self._labels, index, axis=0, mode="wrap")
-        return ExpertBatch(self._take("observation", self._ring + index), labels)
+        observation = self._take("observation", self._ring + index)
+        if self._mirror is not None:
+            self._mirror.observation(observation[..., ::2, :])
+            self._mirror.action(labels[..., ::2, :])
+        return ExpertBatch(observation, labels)
 
     def newest(self, rows: int) -> tuple[F32, F32]:
         """Reward terms and features of the last `rows` rows, at most those that hold data: (N, rows, ...)."""
         rows = min(rows, self.count)
         signals = self._online["signals"][:, np.arange(self.head - rows, self.head) % self.rows]
-        return signals[..., :NUM_TERMS], signals[..., NUM_TERMS:]
+        return signals[..., :NUM_TERMS], signals[..., NUM_TERMS:-1]
 
     def checksum(self) -> int:
         """Of the demonstrations: a resumed run must be given the same."""

@@ -21,6 +21,8 @@ from adrl.rewards import RewardConfig
 Array = jax.Array
 
 BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-8
+AVERAGE_POWER = 8.0
+"""eta of polynomial-decay averaging (Shamir and Zhang 2013): step t takes a share (1 + eta) / (t + eta)."""
 
 
 class Adam(NamedTuple):
@@ -101,8 +103,8 @@ def make_update(shape: Shape) -> Update:
             state.actor, state.critics, batch.observation, expert, weights, shape
         )
         actor, adam = _adam(state.actor, gradient, state.actor_adam, shape.td3.actor_learning_rate)
-        # The plain mean at first, so that the random start is forgotten; then the exponential one.
-        share = jnp.maximum(shape.td3.actor_average, 1.0 / adam.steps)
+        # At first over the last ninth of the steps or so, so that the poor start is forgotten; then exponential.
+        share = jnp.maximum(shape.td3.actor_average, (1.0 + AVERAGE_POWER) / (adam.steps + AVERAGE_POWER))
         average = state.average_actor + share * (actor - state.average_actor)
         return state._replace(actor=actor, actor_adam=adam, average_actor=average)
 
@@ -149,6 +151,17 @@ def make_probe_value(shape: Shape) -> Callable[[LearnerState, Array], Array]:
         return jnp.minimum(q1, q2).mean()
 
     return jax.jit(probe_value)
+
+
+def make_q_of_average(shape: Shape) -> Callable[[LearnerState, Array], Array]:
+    """Compile mean_s Q_1(s, pi(s)) of the averaged actor over states (B, D)."""
+
+    def q_of_average(state: LearnerState, observation: Array) -> Array:
+        action = networks.actor(state.average_actor, observation, shape.actor)
+        layer_norm = shape.td3.critic_layer_norm
+        return networks.first_critic(state.critics, observation, action, shape.critic, layer_norm).mean()
+
+    return jax.jit(q_of_average)
 
 
 def _adam(parameters: Array, gradient: Array, adam: Adam, learning_rate: float) -> tuple[Array, Adam]:

@@ -31,6 +31,7 @@ from adrl.agents.replay import ACTION_SIZE, Demonstrations
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import CheckpointError, ConfigError
 from adrl.imitation.probe import Probe
+from adrl.observation import Mirror
 from adrl.rewards import reward
 
 F32 = NDArray[np.float32]
@@ -44,6 +45,7 @@ def train(
     policy_config: PolicyConfig | None = None,
     demonstrations: Demonstrations | None = None,
     probe: Probe | None = None,
+    mirror: Mirror | None = None,
     evaluate: Evaluate | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     start_time_s: float | None = None,
@@ -52,13 +54,19 @@ def train(
     """Train a policy and leave it in the run folder `out`.
 
     policy_config: what is saved with the policy (input_size, widths and maturity are filled in here).
-    demonstrations: D2, none for plain TD3. probe: measures S, none to keep default_maturity.
-    start_time_s: of time.monotonic(); wall clock and max_seconds count from it. resume: from the newest
-    checkpoint, or from the start if there is none. Raises ConfigError, CheckpointError, DatasetError.
+    demonstrations: D2, for methods that imitate. probe: measures S, where the method follows it. mirror: of the
+    observations of a symmetric robot. start_time_s: of time.monotonic(); wall clock and max_seconds count from it,
+    validation left out. resume: from the newest checkpoint, or from the start if there is none. Raises
+    ConfigError, CheckpointError, DatasetError.
     """
     if config.steps is None and config.max_seconds is None:
         raise ConfigError("the run would never end; give steps or max_seconds")
-    run = _Run(config, env, out, policy_config, demonstrations, probe, start_time_s)
+    started_s = time.monotonic() if start_time_s is None else start_time_s
+    rng = np.random.Generator(np.random.PCG64(config.seed))
+    observation = np.array(env.reset(seed=config.seed)[0], dtype=np.float32)
+    n, size = observation.shape
+    learner = Learner(config, n, size, demonstrations, probe, rng, mirror)
+    run = _Run(config, env, out, learner, rng, observation, policy_config, started_s)
     run.evaluate, run.on_progress = evaluate, on_progress
     run.begin(resume)
     try:
@@ -80,31 +88,31 @@ class _Run:
         config: TrainConfig,
         env: TrainEnv,
         out: Path,
+        learner: Learner,
+        rng: np.random.Generator,
+        observation: F32,
         policy_config: PolicyConfig | None,
-        demonstrations: Demonstrations | None,
-        probe: Probe | None,
-        start_time_s: float | None,
+        started_s: float,
     ) -> None:
-        self.config, self.env, self.out = config, env, out
+        self.config, self.env, self.out, self.learner = config, env, out, learner
         self.evaluate: Evaluate | None = None
         self.on_progress: Callable[[Progress], None] | None = None
-        self._started_s = time.monotonic() if start_time_s is None else start_time_s
-        self._rng = np.random.Generator(np.random.PCG64(config.seed))
-        self._observation = np.array(env.reset(seed=config.seed)[0], dtype=np.float32)
-        n, size = self._observation.shape
-        self.learner = Learner(config, n, size, demonstrations, probe, self._rng)
+        self._started_s, self._validation_s = started_s, 0.0
+        self._rng, self._observation = rng, observation
+        n, size = observation.shape
         base = policy_config or PolicyConfig(input_size=size, widths=config.td3.widths)
         self._policy_config = replace(base, input_size=size, widths=config.td3.widths)
         self._noise_std = np.linspace(*config.exploration_std, n, dtype=np.float32)[:, None]
-        self._tally = EpisodeTally(np.zeros(n, np.float32))
+        self._tally = EpisodeTally.empty(n)
+        self._returns: list[float] = []
         self._env_steps, self._logged_at = 0, 0
         self._train_success: float | None = None
         self._success: float | None = None
         self._log: MetricsLog | None = None
 
     def wall_s(self) -> float:
-        """Seconds since the start, those before a resume included."""
-        return time.monotonic() - self._started_s
+        """Seconds since the start, those before a resume included and those of validation left out."""
+        return time.monotonic() - self._started_s - self._validation_s
 
     def spent(self) -> bool:
         """Whether a budget is used up."""
@@ -129,7 +137,7 @@ class _Run:
         """One step of all rows of the environment, and the updates that run beside it."""
         learner = self.learner
         policy = learner.policy(self._policy_config, averaged=False)
-        learner.mature()
+        learner.mature(self._returns)
         if self._env_steps >= self.config.start_steps and learner.replay.ready:
             learner.update()
         self._step(self._explore(policy))
@@ -137,21 +145,22 @@ class _Run:
         self._report()
 
     def _explore(self, policy: MlpPolicy) -> F32:
-        """(N, 2) actions: the actor's with noise; uniform ones at first when nothing was cloned."""
+        """(N, 2) actions: the actor's with noise; uniform ones as long as it has learnt nothing."""
         shape = (len(self._observation), ACTION_SIZE)
-        if not self.learner.has_expert and self._env_steps < self.config.start_steps:
+        if self.learner.acts_at_random:
             return self._rng.uniform(-1.0, 1.0, shape).astype(np.float32)
         noise = self._noise_std * self._rng.standard_normal(shape, dtype=np.float32)
         return np.clip(policy.act(self._observation) + noise, -1.0, 1.0).astype(np.float32, copy=False)
 
     def _step(self, action: F32) -> None:
         observation, _, terminated, truncated, info = self.env.step(action)
-        terms, features = info["reward_terms"], info["features"]
+        terms, features, maturity = info["reward_terms"], info["features"], self.learner.reward_maturity
         self.learner.replay.add(
-            self._observation, action, terms, features, info["final_obs"], terminated, truncated
+            self._observation, action, terms, features, info["final_obs"], terminated, truncated, maturity
         )
-        rewards = reward(terms, features, self.learner.maturity, self.config.reward)
-        self._tally.add(rewards, terminated | truncated, info["success"])
+        rewards = reward(terms, features, maturity, self.config.reward)
+        ended, gamma = terminated | truncated, self.config.td3.gamma
+        self._returns = self._tally.add(rewards, ended, info["success"], gamma)
         self._observation = np.array(observation, dtype=np.float32)
         self._env_steps += len(observation)
 
@@ -169,18 +178,33 @@ class _Run:
         if self._due(self.config.checkpoint_interval_steps):
             self._save()
 
+    def _validate(self) -> dict[str, float | None]:
+        """Success of the averaged actor, and what the critic promised from the start states against what came."""
+        assert self.evaluate is not None
+        policy = self.learner.policy(self._policy_config)
+        began_s = time.monotonic()
+        result = self.evaluate(policy, self.learner.reward_maturity)
+        promised = self.learner.q_at(result.start)
+        self._validation_s += time.monotonic() - began_s
+        self._success = result.success
+        return {
+            "success": result.success,
+            "q_start": promised,
+            "return_start": result.discounted_return,
+            "overestimation": promised - result.discounted_return,
+        }
+
     def _write_row(self, evaluate: bool) -> None:
-        numbers: dict[str, float | int | None] = {"success": None}
-        if evaluate and self.evaluate is not None:
-            numbers |= self.evaluate(self.learner.policy(self._policy_config))
-            self._success = numbers["success"]
+        numbers: dict[str, float | None] = {"success": None}
+        if evaluate:
+            numbers |= self._validate()
         replay, n = self.learner.replay, len(self._observation)
         rows = max((self._env_steps - self._logged_at) // n, 1)
         recent = replay.newest(rows)
         tally = self._tally.take()
         self._train_success = tally["train_success"]
         head = {"wall_s": self.wall_s(), "env_steps": self._env_steps, "episode": self._tally.total}
-        shaped = reward_row(*recent, self.learner.maturity, self.config.reward)
+        shaped = reward_row(*recent, self.learner.reward_maturity, self.config.reward)
         assert self._log is not None
         self._log.write(head | self.learner.row() | tally | numbers | shaped)
         self._logged_at = self._env_steps
@@ -249,6 +273,7 @@ class _Run:
             "logged_at": self._logged_at,
             "train_success": self._train_success,
             "success": self._success,
+            "returns": self._returns,
             "wall_s": self.wall_s(),
             "metrics_bytes": self._log.position(),
         }
@@ -256,7 +281,7 @@ class _Run:
             "learner": self.learner.arrays(),
             "replay": self.learner.replay.state(),
             "env": self.env.state(),
-            "loop": {"observation": self._observation, "running": self._tally.running},
+            "loop": {"observation": self._observation} | self._tally.arrays(),
         }
         checkpoint.save(self.out, self._env_steps, state, parts)
 
@@ -268,8 +293,9 @@ class _Run:
             self.learner.replay.set_state(saved.part("replay"))
             self.env.set_state(saved.part("env"))
             loop = saved.part("loop")
-            self._observation = loop["observation"]
-            self._tally = EpisodeTally(loop["running"], **state["tally"])
+            self._observation = loop.pop("observation")
+            self._tally = EpisodeTally(**loop, **state["tally"])
+            self._returns = list(state["returns"])
             self._rng.bit_generator.state = state["rng"]
             self._env_steps, self._logged_at = state["env_steps"], state["logged_at"]
             self._train_success, self._success = state["train_success"], state["success"]

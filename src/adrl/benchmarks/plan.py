@@ -1,22 +1,30 @@
-"""How long planning takes: distance field and A* on a map, and A*+DWA decisions a second."""
+"""How long planning takes: distance field and A* on a map, A*+DWA decisions a second, and replanning."""
 
 import functools
 import statistics
+import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.benchmarks.timing import median_seconds, rate_per_second, require_rounds
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
 from adrl.observation import in_robot_frame
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import OccupancyGrid, RobotConfig, Task
 from adrl.worlds import get_scenario, load_map, task_set
 from adrl.worlds.map_scenario import MapScenario
 
 QUERIES = 50
+REPEATS = 3
+"""Each replanning query is timed this often and its fastest counts: the tail is the query's, not the machine's."""
+SIDE = 400
+"""Cells on a side of the windows that replanning is timed on."""
 
 
 def bench_dwa(
@@ -79,3 +87,76 @@ def _plan(grid: OccupancyGrid, robot: RobotConfig, task: Task) -> None:
     start, goal = ((int(y), int(x)) for x, y in in_map / grid.resolution_m)
     cells, _ = _core.astar(blocked, start, goal)
     _core.shorten_path(blocked, cells)
+
+
+def bench_replan(*, queries: int = 100) -> dict[str, Any]:
+    """Replanning on 400 x 400 cells: random clutter and mazes, a third of the goals shut in. Times in ms."""
+    if queries < 1:
+        raise ConfigError(f"queries is {queries}; give 1 or more")
+    results: dict[str, Any] = {"cells": [SIDE, SIDE], "queries": queries}
+    for name, headings in (("plain", False), ("headings", True)):
+        config = ReplannerConfig(headings=headings)
+        planner = _core.RoutePlanner(SIDE, SIDE, config.resolution_m, config.route_costs(RobotConfig()))
+        rng = np.random.default_rng(0)
+        durations = []
+        for k in range(queries):
+            window = (_clutter if k % 2 == 0 else _maze)(rng)
+            ends = rng.integers(4, SIDE - 4, (2, 2))
+            start, goal = ((int(row), int(column)) for row, column in ends)
+            if k % 3 == 0:
+                _shut_in(window, *goal)
+            query = functools.partial(planner.plan, window, start, goal)
+            durations.append(min(_seconds(query) for _ in range(REPEATS)))
+        results[name] = {
+            "p50_ms": 1e3 * float(np.median(durations)),
+            "p99_ms": 1e3 * float(np.percentile(durations, 99)),
+        }
+    return results
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    begin = time.perf_counter()
+    work()
+    return time.perf_counter() - begin
+
+
+def _clutter(rng: np.random.Generator) -> NDArray[np.int8]:
+    """(SIDE, SIDE) a window with sixty round obstacles."""
+    window = np.zeros((SIDE, SIDE), dtype=np.int8)
+    rows, columns = np.ogrid[:SIDE, :SIDE]
+    for row, column, radius in rng.uniform((0, 0, 3), (SIDE, SIDE, 12), (60, 3)):
+        window[(rows - row) ** 2 + (columns - column) ** 2 < radius**2] = 1
+    return window
+
+
+def _maze(rng: np.random.Generator, pitch: int = 16) -> NDArray[np.int8]:
+    """(SIDE, SIDE) a window of cells `pitch` wide in which one way leads to each from any other."""
+    window = np.zeros((SIDE, SIDE), dtype=np.int8)
+    window[::pitch] = window[:, ::pitch] = window[-1] = window[:, -1] = 1
+    count = SIDE // pitch
+    seen = np.zeros((count, count), dtype=bool)
+    seen[0, 0] = True
+    trail = [(0, 0)]
+    while trail:
+        row, column = trail[-1]
+        neighbours = [(row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)]
+        fresh = [(r, c) for r, c in neighbours if 0 <= r < count and 0 <= c < count and not seen[r, c]]
+        if not fresh:
+            trail.pop()
+            continue
+        r, c = fresh[rng.integers(len(fresh))]
+        seen[r, c] = True
+        trail.append((r, c))
+        if r != row:
+            window[max(r, row) * pitch, column * pitch + 1 : (column + 1) * pitch] = 0
+        else:
+            window[row * pitch + 1 : (row + 1) * pitch, max(c, column) * pitch] = 0
+    return window
+
+
+def _shut_in(window: NDArray[np.int8], row: int, column: int, half: int = 20) -> None:
+    """Put walls about a cell."""
+    top, bottom = max(row - half, 0), min(row + half, SIDE - 1)
+    left, right = max(column - half, 0), min(column + half, SIDE - 1)
+    window[[top, bottom], left : right + 1] = 1
+    window[top : bottom + 1, [left, right]] = 1

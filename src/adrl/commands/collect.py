@@ -20,8 +20,8 @@ class CollectOptions(Place):
     """Folder of the new Minari dataset."""
     robot: str = "diffbot"
     """A robot's name (adrl list) or a TOML file."""
-    guidance: Literal["goal", "map"] = "goal"
-    """What the observations show: the final goal, or a waypoint on the A* path."""
+    guidance: Literal["goal", "replan", "map"] = "goal"
+    """What the observations show: the final goal (replan: a waypoint of its own when stuck), or one on the A* path."""
     steps: int = 20_000
     """Environment steps to record."""
     seed: int = 0

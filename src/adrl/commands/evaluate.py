@@ -23,9 +23,9 @@ class EvaluateOptions(Place):
     """astar-dwa (knows the map), default (the shipped policy), or a run folder."""
     robot: str | None = None
     """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
-    guidance: Literal["goal", "map"] | None = None
-    """goal: the policy sees the final goal; map: a waypoint on the A* path of the known map. As trained when left
-    out."""
+    guidance: Literal["goal", "replan", "map"] | None = None
+    """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when stuck;
+    map: a waypoint on the A* path of the known map. As trained when left out."""
     split: Literal["train", "validation", "test"] = "test"
     """Which tasks: task i of a split is the same for ever."""
     episodes: int = 500

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from adrl.agents.methods import METHODS
 from adrl.api import DEFAULT, PLANNER
+from adrl.baselines import SB3_METHODS
 from adrl.commands.options import parse
 from adrl.types import GUIDANCE
 from adrl.worlds import ROBOTS, SCENARIOS
@@ -31,6 +32,10 @@ def main(arguments: Sequence[str]) -> int:
     for title, entries in (
         ("scenarios", {name: _first_line(scenario) for name, scenario in SCENARIOS.items()}),
         ("methods", {name: _first_line(method) for name, method in METHODS.items()}),
+        (
+            "baselines",
+            {name: f"{a} of Stable-Baselines3, in adrl compare" for name, a in SB3_METHODS.items()},
+        ),
         ("guidance", dict.fromkeys(GUIDANCE, "")),
         ("policies", {PLANNER: "A*+DWA with the true map", DEFAULT: "the policy that ships with ADRL"}),
     ):

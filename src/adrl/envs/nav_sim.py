@@ -3,6 +3,7 @@
 No autoreset and no Gymnasium: NavVectorEnv and the evaluation's rollout are built on this.
 """
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,8 @@ from adrl.envs.randomization import NOMINAL, Randomization, draw_params
 from adrl.errors import UnknownName
 from adrl.motion import ScanHistory
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
+from adrl.planning.replanner import Replanner
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, Step, features, terms
 from adrl.types import GUIDANCE, Array, RobotConfig, Task
 
@@ -52,9 +55,14 @@ class NavSim:
         randomization: Randomization = NOMINAL,
         encoder: EncoderConfig | None = None,
         reward: RewardConfig | None = None,
+        replanner: ReplannerConfig | None = None,
+        maturity: float = 0.0,
         num_threads: int = 1,
     ) -> None:
-        """num_threads: 0 takes one per core. Raises UnknownName for a guidance that does not exist."""
+        """num_threads: 0 takes one per core. replanner, maturity: for guidance `replan`, S being the policy's.
+
+        Raises UnknownName for a guidance that does not exist.
+        """
         if guidance not in GUIDANCE:
             raise UnknownName("guidance", guidance, GUIDANCE)
         self.num_envs = num_envs
@@ -68,6 +76,11 @@ class NavSim:
         config.lookahead_m = LOOKAHEAD_M if guidance == "map" else 0.0
         config.dwa_lookahead_m = min(max(1.5 * robot.max_speed_mps, 0.5), 3.0)
         self.native = _core.BatchSim(num_envs, num_threads, robot.native, config, self.b)
+        self.replanner: Replanner | None = None
+        if guidance == "replan":
+            self.replanner = Replanner(
+                num_envs, robot, replanner, maturity=maturity, num_threads=self.native.num_threads
+            )
         self.tasks: list[Task | None] = [None] * num_envs
         self._time_limit_s = np.full(num_envs, np.inf)
         self._last_action = np.zeros((num_envs, 2), dtype=np.float32)
@@ -108,6 +121,10 @@ class NavSim:
         self.native.reset(mask)
         if self._history is not None:
             self._history.begin(indices, self.b["ranges"], self.b["odometry"])
+        if self.replanner is not None:
+            goals = np.array([task.goal for task in tasks]).reshape(-1, 2)
+            self.replanner.reset(indices, goals, self.b["odometry"][indices])
+            self.b["waypoint"][:] = self.replanner.waypoints
         # A robot that has just started is not stagnant: its window begins full.
         self._displacements[indices] = self.robot.max_speed_mps * self.robot.control_period_s
         self._features[indices] = features(self._snapshot(), self.reward)[indices]
@@ -124,6 +141,7 @@ class NavSim:
         """Execute (N, 2) normalised actions for one control period on every active robot."""
         b = self.b
         before_pose = b["pose"].copy()
+        before_guided = self._guided_pose().copy()
         before_waypoint = b["waypoint"].copy()
         before_distance = self._distance()
         self._last_action = np.clip(actions, -1.0, 1.0).astype(np.float32)
@@ -131,23 +149,34 @@ class NavSim:
         self.native.step()
         if self._history is not None:
             self._history.add(b["ranges"], b["odometry"])
+        if self.replanner is not None:
+            b["waypoint"][:] = before_waypoint  # the step is judged by the point it was driven for
         moved = np.hypot(*(b["pose"][:, :2] - before_pose[:, :2]).T)
         self._displacements = np.concatenate([self._displacements[:, 1:], moved[:, None]], axis=1)
         reached, collided = b["reached"].astype(bool), b["collided"].astype(bool)
+        timed_out = (b["time"] >= self._time_limit_s - 1e-6) & ~reached & ~collided
         step = self._snapshot(
             reached=reached,
             collided=collided,
+            timed_out=timed_out,
+            displacement_m=moved,
+            turn_rad=_wrap(b["pose"][:, 2] - before_pose[:, 2]),
+            coordinate_distance_m=self._coordinate_distance(collided),
             previous_distance_m=before_distance,
-            heading_error_rad=_heading_error(b["pose"], before_waypoint),
-            previous_heading_error_rad=_heading_error(before_pose, before_waypoint),
+            heading_error_rad=_heading_error(self._guided_pose(), before_waypoint),
+            previous_heading_error_rad=_heading_error(before_guided, before_waypoint),
         )
         outcome = Outcome(
             reached=reached,
             collided=collided,
-            timed_out=(b["time"] >= self._time_limit_s - 1e-6) & ~reached & ~collided,
+            timed_out=timed_out,
             reward_terms=terms(step, self.reward),
             features=self._features,
         )
+        if self.replanner is not None:
+            active = b["active"].astype(bool)
+            b["waypoint"][:] = self.replanner.update(b["ranges"], b["odometry"], b["twist"], active)
+            step = dataclasses.replace(step, distance_m=self._distance())
         self._features = features(step, self.reward)
         return outcome
 
@@ -167,6 +196,8 @@ class NavSim:
         }
         if self._history is not None:
             own |= self._history.arrays
+        if self.replanner is not None:
+            own |= {f"replanner.{name}": array for name, array in self.replanner.state().items()}
         return {name: array.copy() for name, array in (self.b | own).items()}
 
     def set_state(self, state: Mapping[str, NDArray[Any]], tasks: Sequence[Task | None]) -> None:
@@ -180,25 +211,54 @@ class NavSim:
         if self._history is not None:
             for name, array in self._history.arrays.items():
                 array[:] = state[name]
+        if self.replanner is not None:
+            prefix = "replanner."
+            own = {
+                name.removeprefix(prefix): array for name, array in state.items() if name.startswith(prefix)
+            }
+            self.replanner.set_state(own)
         for i, task in enumerate(tasks):
             self.tasks[i] = task
             if task is not None:
                 self.native.set_task(i, task.native)
 
     def _distance(self) -> Array:
-        """(N,) metres to the goal: along the path for guidance `map`, straight otherwise."""
+        """(N,) metres to the goal: straight, or along the path for guidance `map`.
+
+        For `replan` straight to the waypoint and from there along the robot's own route, which no step changes.
+        """
         if self.guidance == "map":
             return self.b["route_left"].copy()
-        return np.hypot(*(self.b["waypoint"] - self.b["pose"][:, :2]).T)
+        straight = np.hypot(*(self.b["waypoint"] - self._guided_pose()[:, :2]).T)
+        return straight if self.replanner is None else straight + self.replanner.beyond_m
+
+    def _guided_pose(self) -> Array:
+        """(N, 3) poses in the frame that waypoints are given in: replanned ones are in the odometry's."""
+        return self.b["pose"] if self.replanner is None else self.b["odometry"]
+
+    def _coordinate_distance(self, rows: Mask) -> Array:
+        """(N,) metres from the robot's centre to the nearest obstacle's coordinates, for the literal eq 8.
+
+        Looked up in `rows` only, those in contact: without contact no obstacle's middle is as near as d_r.
+        """
+        distance = np.full(self.num_envs, np.inf)
+        if self.reward.eq8 == "literal":
+            for i in np.flatnonzero(rows):
+                task = self.tasks[i]
+                assert task is not None
+                offsets = task.world.coordinates(float(self.b["time"][i])) - self.b["pose"][i, :2]
+                distance[i] = np.hypot(*offsets.T).min(initial=np.inf)
+        return distance
 
     def _snapshot(self, **changes: Any) -> Step:
         """The current state as the reward sees it; without changes, one in which nothing has moved."""
         n = self.num_envs
         distance = self._distance()
-        error = _heading_error(self.b["pose"], self.b["waypoint"])
+        error = _heading_error(self._guided_pose(), self.b["waypoint"])
         values: dict[str, Any] = {
             "reached": np.zeros(n, dtype=bool),
             "collided": np.zeros(n, dtype=bool),
+            "timed_out": np.zeros(n, dtype=bool),
             "speed_mps": self.b["twist"][:, 0],
             "yaw_rate_radps": self.b["twist"][:, 1],
             "distance_m": distance,
@@ -207,6 +267,10 @@ class NavSim:
             "previous_heading_error_rad": error,
             "clearance_m": self.b["clearance"],
             "mean_displacement_m": self._displacements.mean(axis=1),
+            "displacement_m": np.zeros(n),
+            "turn_rad": np.zeros(n),
+            "coordinate_distance_m": np.full(n, np.inf),
+            "contact_m": self.robot.circumscribed_radius_m,
             "max_speed_mps": self.robot.max_speed_mps,
             "max_yaw_rate_radps": self.robot.max_yaw_rate_radps,
             "dt_s": self.robot.control_period_s,
@@ -218,6 +282,11 @@ def _heading_error(pose: Array, target: Array) -> Array:
     """(N,) angle from the heading to the target, in (-pi, pi]."""
     ahead = in_robot_frame(pose, target)
     return np.arctan2(ahead[:, 1], ahead[:, 0])
+
+
+def _wrap(angle: Array) -> Array:
+    """The same angle in [-pi, pi)."""
+    return np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi
 
 
 def _buffers(n: int, beams: int) -> dict[str, NDArray[Any]]:

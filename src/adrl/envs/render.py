@@ -76,7 +76,7 @@ class Renderer:
         draw.point([p for hit in view.pixels(_hits(sim, index)) for p in hit], fill=SCAN)
         draw.line(view.pixels(task.path), fill=PATH, width=2)
         draw.ellipse(view.disc(task.goal[0], task.goal[1], task.goal_tolerance_m), outline=GOAL, width=3)
-        if sim.guidance == "map":
+        if sim.guidance != "goal":
             waypoint_x, waypoint_y = sim.b["waypoint"][index]
             draw.ellipse(view.disc(waypoint_x, waypoint_y, 0.08), fill=WAYPOINT)
         robot = sim.robot

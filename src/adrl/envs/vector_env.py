@@ -14,6 +14,7 @@ from adrl.envs.randomization import MILD, NOMINAL, Randomization
 from adrl.envs.render import Renderer
 from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward
 from adrl.types import RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, robot_from_fields, task_set
@@ -21,6 +22,8 @@ from adrl.worlds import get_scenario, load_robot, robot_from_fields, task_set
 F32 = NDArray[np.float32]
 
 RENDER_FPS = 10
+FAILURE_GAIN = 0.3
+"""Weight of a task's latest episode in its failure rate."""
 
 
 class TaskPool:
@@ -63,9 +66,11 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         guidance: str = "goal",
         split: str = "train",
         task_pool: int = 512,
+        task_priority: float = 0.0,
         randomize: bool | Randomization = True,
         encoder: EncoderConfig | Mapping[str, Any] | None = None,
         reward_config: RewardConfig | None = None,
+        replanner: ReplannerConfig | None = None,
         maturity: float = 0.5,
         seed: int = 0,
         num_threads: int = 1,
@@ -73,10 +78,13 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         render_mode: str | None = None,
     ) -> None:
         """split, task_pool: tasks are drawn from the first `task_pool` ones of the split.
+        task_priority: chances are 0.1 + task_priority * the task's failure rate; 0 draws all alike.
 
         robot, encoder: also as their fields, as JSON gives them.
         randomize: False for the nominal robot, True for mild variation, or a Randomization.
-        maturity: S of eq 13, which sets the reward weights (eqs 14-16); the learner forms its own.
+        replanner: constants of guidance `replan`.
+        maturity: S of eq 13, which sets the reward weights (eqs 14-16), where the learner forms its own, and the
+        replanner's thresholds (eq 20).
         seed: used until reset(seed=...) gives another. num_threads: 0 takes one per core.
         autoreset_mode: SAME_STEP, or DISABLED to reset with options={"reset_mask": mask}.
         """
@@ -93,10 +101,17 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             randomization=randomization,
             encoder=EncoderConfig(**encoder) if isinstance(encoder, Mapping) else encoder,
             reward=reward_config,
+            replanner=replanner,
+            maturity=maturity,
             num_threads=num_threads,
         )
         self.maturity = maturity
+        if not 0.0 <= task_priority <= 1000.0:
+            raise ConfigError(f"task_priority is {task_priority}; give 0 to 1000")
         self._pool = TaskPool(self.scenario, self.robot, split, task_pool)
+        self._priority = task_priority
+        # As if all had failed so far: a task that nobody has tried is worth a try.
+        self._failure_rate = np.ones(task_pool)
         self._autoreset = AutoresetMode(autoreset_mode)
         if self._autoreset is AutoresetMode.NEXT_STEP:
             raise ConfigError("autoreset_mode NextStep is not offered; take SameStep or Disabled")
@@ -117,6 +132,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         """Start new episodes: all, or those of options["reset_mask"] (N,) bool. Returns (N, D), info."""
         if seed is not None:
             self._rng = np.random.Generator(np.random.PCG64(seed))
+            self._failure_rate[:] = 1.0
         mask = (options or {}).get("reset_mask")
         indices = np.arange(self.num_envs) if mask is None else np.flatnonzero(mask)
         self._begin(indices)
@@ -127,6 +143,9 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         outcome = self.sim.step(np.asarray(actions, dtype=np.float32).reshape(self.num_envs, 2))
         terminated = outcome.reached | outcome.collided
         truncated = outcome.timed_out
+        if self.sim.reward.eq8 == "literal":
+            # A timeout is a failure there: it is paid for, and nothing comes after it.
+            terminated, truncated = terminated | truncated, np.zeros_like(truncated)
         observation = self.sim.observe()
         info = {
             "reward_terms": outcome.reward_terms,
@@ -136,6 +155,9 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             "final_obs": observation,
         }
         ended = terminated | truncated
+        if ended.any():
+            tried = self._task_index[ended]
+            self._failure_rate[tried] += FAILURE_GAIN * (~outcome.reached[ended] - self._failure_rate[tried])
         if self._autoreset is AutoresetMode.SAME_STEP and ended.any():
             info["_final_obs"] = ended
             self._begin(np.flatnonzero(ended))
@@ -160,16 +182,22 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Copies of all that changes, as arrays: with the constructor's arguments, enough to resume."""
-        return self.sim.state() | {"task_index": self._task_index.copy(), "rng": _pack(self._rng)}
+        own = {"task_index": self._task_index.copy(), "failure_rate": self._failure_rate.copy()}
+        return self.sim.state() | own | {"rng": _pack(self._rng)}
 
     def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Continue from what state() returned."""
         self._task_index[:] = state["task_index"]
+        self._failure_rate[:] = state["failure_rate"]
         _unpack(self._rng, state["rng"])
         self.sim.set_state(state, [self._pool[int(i)] for i in self._task_index])
 
     def _begin(self, indices: NDArray[np.intp]) -> None:
-        chosen = self._rng.integers(self._pool.size, size=len(indices))
+        if self._priority == 0.0:
+            chosen = self._rng.integers(self._pool.size, size=len(indices))
+        else:
+            chance = 0.1 + self._priority * self._failure_rate
+            chosen = self._rng.choice(self._pool.size, size=len(indices), p=chance / chance.sum())
         seeds = self._rng.integers(2**63, size=len(indices), dtype=np.uint64)
         self._task_index[indices] = chosen
         self.sim.reset(indices, [self._pool[int(i)] for i in chosen], seeds, self._rng)

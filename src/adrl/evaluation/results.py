@@ -12,6 +12,7 @@ from adrl.evaluation.metrics import OVER_SUCCESSES, RATES, SAMPLES, Episodes, on
 from adrl.evaluation.statistics import Interval, bootstrap_mean, paired_difference, wilson_interval
 
 if TYPE_CHECKING:
+    import pyarrow as pa
     from rich.table import Table
 
 SCHEMA_VERSION = 1
@@ -78,11 +79,16 @@ def compare_paired(first: Episodes, second: Episodes) -> dict[str, Interval]:
 
 def write_episodes(path: str | os.PathLike[str], episodes: Episodes) -> None:
     """Write one row an episode as Parquet, atomically."""
+    write_table(path, episodes.to_table())
+
+
+def write_table(path: str | os.PathLike[str], table: "pa.Table") -> None:
+    """Write a table as Parquet, atomically."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     sink = pa.BufferOutputStream()
-    pq.write_table(episodes.to_table(), sink)
+    pq.write_table(table, sink)
     files.atomic_write_bytes(path, sink.getvalue().to_pybytes())
 
 

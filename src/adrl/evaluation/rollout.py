@@ -11,6 +11,8 @@ from adrl.envs import NOMINAL, NavSim, Randomization
 from adrl.errors import TaskError
 from adrl.evaluation.metrics import Episodes
 from adrl.observation import EncoderConfig
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.rewards import RewardConfig, reward
 from adrl.types import Array, Policy, RobotConfig, Task
 
 F32 = NDArray[np.float32]
@@ -34,6 +36,23 @@ class Rollout:
     episodes: Episodes
     routes: list[Array]
     """One (T, 2) array of positions for each of the recorded tasks."""
+    start: F32
+    """(E, D) observations of the start states."""
+    discounted_return: Array
+    """(E,) sum_t gamma^t R_t; zeros where no rewards were asked for."""
+    replans: NDArray[np.int64]
+    """(E,) interventions of the replanner in each episode; 0 without guidance `replan`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rewards:
+    """What a rollout adds up."""
+
+    config: RewardConfig
+    gamma: float
+    """Discount a step."""
+    maturity: float
+    """S of the weights (eqs 14-16)."""
 
 
 def rollout(
@@ -44,21 +63,25 @@ def rollout(
     guidance: str = "goal",
     encoder: EncoderConfig | None = None,
     randomization: Randomization = NOMINAL,
+    replanner: ReplannerConfig | None = None,
+    maturity: float = 0.0,
     seed: int = 0,
     num_threads: int = 0,
     record: int = 0,
     first_task: int = 0,
+    rewards: Rewards | None = None,
     on_step: Callable[[int, int], None] | None = None,
 ) -> Rollout:
     """Drive every task once.
 
     seed: of the sensors' noise and of odometry drift, nothing else; every policy meets the same. record: number of
-    tasks, from the first, whose routes are kept. first_task: number of tasks[0] in its split. on_step(ended, total)
-    is told the progress. Raises TaskError for no tasks.
+    tasks, from the first, whose routes are kept. replanner, maturity: see NavSim. first_task: number of tasks[0] in
+    its split. rewards: those to add up, if any. on_step(ended, total) is told the progress. Raises TaskError for no
+    tasks.
     """
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
-    parts, routes, done = [], [], 0
+    parts, routes, starts, returns, replans, done = [], [], [], [], [], 0
     for first in range(0, len(tasks), CHUNK):
         chunk = tasks[first : first + CHUNK]
         sim = NavSim(
@@ -67,6 +90,9 @@ def rollout(
             guidance=guidance,
             randomization=randomization,
             encoder=encoder,
+            reward=None if rewards is None else rewards.config,
+            replanner=replanner,
+            maturity=maturity,
             num_threads=num_threads,
         )
         numbers = first_task + first + np.arange(len(chunk))
@@ -81,11 +107,22 @@ def rollout(
             if on_step is not None:
                 on_step(before + ended, len(tasks))
 
-        part, kept = _drive(policy, sim, numbers, keep, progress)
+        starts.append(sim.observe())
+        part, kept, earned = _drive(policy, sim, numbers, keep, rewards, progress)
         parts.append(part)
         routes += kept
+        returns.append(earned)
+        replans.append(
+            np.zeros(len(chunk), np.int64) if sim.replanner is None else sim.replanner.replans.copy()
+        )
         done += len(chunk)
-    return Rollout(episodes=_concatenate(parts), routes=routes)
+    return Rollout(
+        episodes=_concatenate(parts),
+        routes=routes,
+        start=np.concatenate(starts),
+        discounted_return=np.concatenate(returns),
+        replans=np.concatenate(replans),
+    )
 
 
 def _drive(
@@ -93,9 +130,11 @@ def _drive(
     sim: NavSim,
     numbers: NDArray[np.int64],
     keep: int,
+    rewards: Rewards | None,
     progress: Callable[[int], None],
-) -> tuple[dict[str, NDArray[np.generic]], list[Array]]:
+) -> tuple[dict[str, NDArray[np.generic]], list[Array], Array]:
     n = sim.num_envs
+    earned, discount = np.zeros(n), 1.0
     tasks = [task for task in sim.tasks if task is not None]
     ending = np.zeros((3, n), dtype=bool)
     least_clearance = sim.b["least_clearance"].copy()
@@ -116,6 +155,10 @@ def _drive(
         turned[moving] += np.abs(sim.b["twist"][moving, 1] - before[moving])
         steps[moving] += 1
         least_clearance[active] = np.minimum(least_clearance, sim.b["least_clearance"])[active]
+        if rewards is not None:
+            paid = reward(outcome.reward_terms, outcome.features, rewards.maturity, rewards.config)
+            earned += discount * active * paid
+            discount *= rewards.gamma
         ending |= np.stack([outcome.reached, outcome.collided, outcome.timed_out]) & active
         sim.b["active"][ending.any(axis=0)] = 0
         trace.append(sim.b["pose"][:keep, :2].copy())
@@ -138,7 +181,7 @@ def _drive(
         "final_pose": sim.b["pose"].copy(),
     }
     path = np.stack(trace)  # (T, keep, 2)
-    return columns, [path[: int(steps[i]) + 1, i] for i in range(keep)]
+    return columns, [path[: int(steps[i]) + 1, i] for i in range(keep)], earned
 
 
 def _concatenate(parts: list[dict[str, NDArray[np.generic]]]) -> Episodes:

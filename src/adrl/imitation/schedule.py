@@ -1,19 +1,31 @@
-"""Value-driven imitation: maturity S (eqs 2, 13), expert reliance alpha (eq 3), cloning weight lambda (eq 5).
+"""Imitation's release: maturity S (eqs 2, 13), expert reliance alpha (eq 3), cloning weight lambda (eq 5).
 
-Corrected forms: alpha and lambda follow S, not the raw Q, so that neither depends on the scale of the reward.
+In the corrected forms alpha and lambda follow S, not the raw Q, so that neither depends on the scale of the reward.
 """
 
 import math
-from dataclasses import dataclass, fields
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple, Self, get_args
 
 from adrl.errors import ConfigError
+from adrl.types import Form, require_forms
+
+Driver = Literal["value", "return", "clock"]
+EQUATIONS = ("eq2", "eq3", "eq5", "eq13")
+"""The equations that have two forms."""
+MOST_EXPONENT = 50.0
+"""exp() is cut here in the literal eqs 3 and 5: float32 goes up to exp(88)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ScheduleConfig:
-    """Constants of eqs 3, 5 and 13. Times count gradient updates."""
+    """Constants and forms of eqs 2, 3, 5 and 13. Times count gradient updates."""
 
+    driver: Driver = "value"
+    """What S follows: the critic's value as in the paper, or, as controls, the discounted return of the training
+    episodes against the same bounds, or the clock."""
+    clock_updates: float = 4000.0
+    """Updates after the warm-up until S = 1, for the driver clock."""
     alpha_min: float = 0.05
     """Share of expert rows in a batch that is never released."""
     alpha_max: float = 0.5
@@ -36,21 +48,54 @@ class ScheduleConfig:
     """Updates that S takes at the least from 1 to 0. Far more than rise_updates: the ratchet."""
     interval_updates: int = 100
     """Updates between two measurements."""
+    eq2: Form = "corrected"
+    """The statistic of the critic. Literal: mean Q over the mixed batch, which depends on alpha itself."""
+    eq3: Form = "corrected"
+    """alpha. Literal: a sigmoid of that raw Q."""
+    eq5: Form = "corrected"
+    """lambda. Literal: an exponential of that raw Q, above lambda_max where it is negative."""
+    eq13: Form = "corrected"
+    """S. Literal: between the running extremes of the statistic, neither averaged nor limited in its rate."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
+        require_forms(self, *EQUATIONS)
+        if self.driver not in get_args(Driver):
+            raise ConfigError(
+                f"schedule.driver is {self.driver!r}; give one of {', '.join(get_args(Driver))}"
+            )
+        for name in set(self.__dataclass_fields__) - {"driver", *EQUATIONS}:
+            value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
-                raise ConfigError(f"schedule.{field.name} is {value}; give 0 or more")
+                raise ConfigError(f"schedule.{name} is {value}; give 0 or more")
         if not self.alpha_min <= self.alpha_max <= 1.0:
             raise ConfigError(
                 f"schedule: alpha_min {self.alpha_min}, alpha_max {self.alpha_max}; give 0 <= min <= max <= 1"
             )
-        for name in ("smoothing_updates", "rise_updates", "fall_updates", "interval_updates"):
+        for name in (
+            "smoothing_updates",
+            "rise_updates",
+            "fall_updates",
+            "interval_updates",
+            "clock_updates",
+        ):
             if getattr(self, name) <= 0:
                 raise ConfigError(
                     f"schedule.{name} is {getattr(self, name)}; give a positive number of updates"
                 )
+
+    @property
+    def imitates(self) -> bool:
+        """Whether the expert is used at all; if not, training is what it is without demonstrations."""
+        return self.alpha_max > 0.0 or self.lambda_max > 0.0
+
+    @property
+    def needs_bounds(self) -> bool:
+        """Whether S is measured against Q_min and Q_max of the probe."""
+        return self.driver != "clock" and not (self.driver == "value" and self.eq13 == "literal")
+
+    def literal(self) -> Self:
+        """The same constants with every equation as printed."""
+        return replace(self, driver="value", **dict.fromkeys(EQUATIONS, "literal"))
 
 
 class MaturityState(NamedTuple):
@@ -62,6 +107,12 @@ class MaturityState(NamedTuple):
     """Moving average of the measured maturities, before the rate limit."""
     updates: int = 0
     """Gradient updates since the critic began to learn."""
+    statistic: float | None = None
+    """Q(t), the last value measured (eq 2); None before the first."""
+    lowest: float | None = None
+    """Q_min of the literal eq 13: the least statistic so far."""
+    highest: float | None = None
+    """Q_max of the literal eq 13."""
 
 
 class Bounds(NamedTuple):
@@ -73,40 +124,67 @@ class Bounds(NamedTuple):
     """The same of the demonstrations."""
 
 
-def alpha(maturity: float, config: ScheduleConfig) -> float:
-    """alpha = alpha_min + (alpha_max - alpha_min) sigma(b_alpha - k_alpha S) (eq 3): expert rows' share."""
-    released = 1.0 / (1.0 + math.exp(config.k_alpha * maturity - config.b_alpha))
+def alpha(state: MaturityState, config: ScheduleConfig) -> float:
+    """alpha = alpha_min + (alpha_max - alpha_min) sigma(b_alpha - k_alpha S) (eq 3): expert rows' share.
+
+    Literal: sigma(b_alpha - k_alpha Q). 0 for a method without imitation in either form.
+    """
+    if not config.alpha_max > 0.0:
+        return 0.0
+    if config.eq3 == "literal":
+        return _sigmoid(config.b_alpha - config.k_alpha * (state.statistic or 0.0))
+    released = _sigmoid(config.b_alpha - config.k_alpha * state.maturity)
     return config.alpha_min + (config.alpha_max - config.alpha_min) * released
 
 
-def lambda_bc(maturity: float, config: ScheduleConfig) -> float:
-    """lambda = lambda_max exp(-k_q S) (eq 5): weight of cloning in the actor's objective (eq 6)."""
-    return config.lambda_max * math.exp(-config.k_q * maturity)
+def lambda_bc(state: MaturityState, config: ScheduleConfig) -> float:
+    """lambda = lambda_max exp(-k_q S) (eq 5): weight of cloning in the actor's objective (eq 6).
+
+    Literal: lambda_max exp(-k_q Q), cut at exp(MOST_EXPONENT).
+    """
+    if config.eq5 == "literal":
+        return config.lambda_max * math.exp(min(-config.k_q * (state.statistic or 0.0), MOST_EXPONENT))
+    return config.lambda_max * math.exp(-config.k_q * state.maturity)
 
 
-def measured_maturity(probe_value: float, bounds: Bounds) -> float:
+def _sigmoid(x: float) -> float:
+    return 1.0 / (1.0 + math.exp(min(-x, MOST_EXPONENT)))
+
+
+def measured_maturity(statistic: float, bounds: Bounds) -> float:
     """clip((Q - Q_min) / (Q_max - Q_min), 0, 1) (eq 13). 0 where the expert is no better than chance."""
     span = bounds.high - bounds.low
     if span <= 1e-6:
         return 0.0
-    return min(max((probe_value - bounds.low) / span, 0.0), 1.0)
+    return min(max((statistic - bounds.low) / span, 0.0), 1.0)
 
 
 def update(
-    state: MaturityState, probe_value: float, bounds: Bounds, dt_updates: int, config: ScheduleConfig
+    state: MaturityState, statistic: float, bounds: Bounds, dt_updates: int, config: ScheduleConfig
 ) -> MaturityState:
     """One measurement of S, dt_updates after the last.
 
-    probe_value is the mean over fixed start states of min_i Q'_i(s0, pi(s0)) (eq 2, corrected: a batch's mean
-    would depend on alpha itself). S moves the reward's weights, they move Q, and Q moves S. Three things
-    break this loop: the bounds are formed under the same weights as Q, the average is slow against the
-    critic, and S falls ten times slower than it may rise, so it cannot swing.
+    statistic: Q(t) of eq 2. Corrected, the mean over fixed start states of min_i Q'_i(s0, pi(s0)): a batch's mean
+    would depend on alpha itself. For the driver `return` it is the discounted return of training episodes. bounds:
+    of the probe; the literal eq 13 uses the running extremes instead.
+
+    S moves the reward's weights, they move Q, and Q moves S. Three things break this loop: the bounds are formed
+    under the same weights as Q, the average is slow against the critic, and S falls ten times slower than it may
+    rise, so it cannot swing. The literal form has none of them.
     """
     updates = state.updates + dt_updates
+    if config.driver == "clock":
+        share = (updates - config.warmup_updates) / config.clock_updates
+        return MaturityState(min(max(share, 0.0), 1.0), updates=updates, statistic=statistic)
+    if config.driver == "value" and config.eq13 == "literal":
+        lowest = statistic if state.lowest is None else min(state.lowest, statistic)
+        highest = statistic if state.highest is None else max(state.highest, statistic)
+        measured = measured_maturity(statistic, Bounds(lowest, highest))
+        return MaturityState(measured, measured, updates, statistic, lowest, highest)
     if updates <= config.warmup_updates:
-        return MaturityState(updates=updates)
+        return MaturityState(updates=updates, statistic=statistic)
     gain = 1.0 - math.exp(-dt_updates / config.smoothing_updates)
-    average = state.average + gain * (measured_maturity(probe_value, bounds) - state.average)
+    average = state.average + gain * (measured_maturity(statistic, bounds) - state.average)
     most, least = dt_updates / config.rise_updates, -dt_updates / config.fall_updates
     change = min(max(average - state.maturity, least), most)
-    return MaturityState(min(max(state.maturity + change, 0.0), 1.0), average, updates)
+    return MaturityState(min(max(state.maturity + change, 0.0), 1.0), average, updates, statistic)

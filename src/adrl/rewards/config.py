@@ -1,9 +1,14 @@
 """Constants of the reward. Terms keep the paper's numbers; `scale` brings their sum near 1."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, replace
+from typing import Self
 
 from adrl.errors import ConfigError
+from adrl.types import Form, require_forms
+
+EQUATIONS = ("eq8", "eq9", "eq10", "eq11", "eq14", "eq16", "eq17")
+"""The equations that have two forms."""
 
 STANDING_AT_WORST = 3.3
 """The most that a reference period of standing costs: the least the weighted shaping terms can sum to."""
@@ -11,11 +16,11 @@ STANDING_AT_WORST = 3.3
 
 @dataclass(frozen=True, kw_only=True)
 class RewardConfig:
-    """Constants of eqs 7 to 17, corrected forms. Stored with every run.
+    """Constants and forms of eqs 7 to 17. Stored with every run.
 
-    The weights keep this order for gamma <= 0.98 a reference period: reaching the goal > standing, circling,
-    spinning, orbiting > crashing. Standing in the worst place costs at most 3.3 a period, 165 for ever; a
-    crash costs failure_weight * 200. A longer horizon needs a larger failure_weight: 2 for gamma = 0.99.
+    In the corrected forms the weights keep this order for gamma <= 0.98 a reference period: reaching the goal >
+    standing, circling, spinning, orbiting > crashing. Standing in the worst place costs at most 3.3 a period, 165
+    for ever; a crash costs failure_weight * 200. A longer horizon needs a larger failure_weight: 2 for gamma = 0.99.
     """
 
     success_reward: float = 200.0
@@ -34,11 +39,30 @@ class RewardConfig:
     """Weight of the failure row; fixed."""
     scale: float = 0.02
     """Factor on the weighted sum (eq 17), so that values stay within a few units."""
+    eq8: Form = "corrected"
+    """Failure. Literal: distance to the obstacles' middle points, and a timeout fails too and terminates."""
+    eq9: Form = "corrected"
+    """Motion. Literal: without the -1, so that driving in circles pays for ever."""
+    eq10: Form = "corrected"
+    """Approach. Literal: pays any displacement and any turn, in metres and radians."""
+    eq11: Form = "corrected"
+    """Obstacle. Literal: positive and unbounded just inside the safe distance."""
+    eq14: Form = "corrected"
+    """Approach weight. Literal: times T_goal, so that nothing leads to a goal that is far."""
+    eq16: Form = "corrected"
+    """Normalisation. Literal: over all six weights, so that a near obstacle makes a crash cheaper."""
+    eq17: Form = "corrected"
+    """The sum. Literal: formed when the step is stored, with that day's weights, and never again."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
+        require_forms(self, *EQUATIONS)
+        for name in set(self.__dataclass_fields__) - set(EQUATIONS):
+            value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
-                raise ConfigError(f"reward.{field.name} is {value}; give a positive number")
+                raise ConfigError(f"reward.{name} is {value}; give a positive number")
         if self.stagnation_fraction >= 1.0:
             raise ConfigError(f"reward.stagnation_fraction is {self.stagnation_fraction}; give less than 1")
+
+    def literal(self) -> Self:
+        """The same constants with every equation as printed."""
+        return replace(self, **dict.fromkeys(EQUATIONS, "literal"))

@@ -1,6 +1,7 @@
-"""The six sub-rewards, eqs 7 to 12, corrected forms. A term is a function and one line in REWARD_TERMS.
+"""The six sub-rewards, eqs 7 to 12. A term is a function and one line in REWARD_TERMS.
 
-The formulas are for a step of one reference period; the four shaping terms of another step are paid in proportion.
+The corrected formulas are for a step of one reference period; the four shaping terms of another step are paid in
+proportion. Literal forms are the paper's numbers as they stand.
 """
 
 from collections.abc import Callable
@@ -19,6 +20,7 @@ STAGNATION_PENALTY = 3.0  # eq 12
 YAW_RATE_COST = 0.8  # eq 9
 HEADING_GAIN_M = 0.25  # eq 10: 0.5 / 2.0, metres of progress that facing the goal is worth
 HEADING_DECAY = 2.0  # eq 10, 1/rad
+SINGULARITY_M = 1e-3  # eq 11, literal: the quotient is cut here, to stay finite
 
 
 def reference_period_s(max_speed_mps: float) -> float:
@@ -42,6 +44,8 @@ class Step:
     """The robot is within the goal tolerance."""
     collided: Mask
     """The footprint touches an obstacle."""
+    timed_out: Mask
+    """The time is up, and the robot neither arrived nor collided."""
     speed_mps: Array
     """Executed forward speed at the end of the step."""
     yaw_rate_radps: Array
@@ -55,6 +59,14 @@ class Step:
     """From the footprint's edge to the nearest obstacle."""
     mean_displacement_m: Array
     """Mean length of the last five steps."""
+    displacement_m: Array
+    """Length of this step, from its start to its end in a straight line."""
+    turn_rad: Array
+    """Signed change of the heading in this step."""
+    coordinate_distance_m: Array
+    """From the robot's centre to the nearest obstacle's middle; infinite where eq 8 does not ask for it."""
+    contact_m: float
+    """d_r of eq 8: radius of the robot's disc."""
     max_speed_mps: float
     max_yaw_rate_radps: float
     dt_s: float
@@ -76,14 +88,26 @@ def success(step: Step, config: RewardConfig) -> Array:  # (N,)
 
 
 def failure(step: Step, config: RewardConfig) -> Array:  # (N,)
-    """r_f = -200 on collision (eq 8). A timeout costs nothing: time is not observed, so it truncates."""
-    return -config.failure_penalty * step.collided
+    """r_f = -200 on collision (eq 8). A timeout costs nothing: time is not observed, so it truncates.
+
+    Literal: -200 where the robot's centre is within d_r of an obstacle's coordinates, or on timeout. A contact with
+    an obstacle that has size is no failure then.
+    """
+    failed = step.collided
+    if config.eq8 == "literal":
+        failed = (step.coordinate_distance_m < step.contact_m) | step.timed_out
+    return -config.failure_penalty * failed
 
 
 def motion(step: Step, config: RewardConfig) -> Array:  # (N,)
-    """r_v = v/v_max - 0.8 |w|/w_max - 1 (eq 9 minus 1), at most 0: every second costs, so no circle pays."""
+    """r_v = v/v_max - 0.8 |w|/w_max - 1 (eq 9 minus 1), at most 0: every second costs, so no circle pays.
+
+    Literal: without the -1.
+    """
     speed = np.clip(step.speed_mps / step.max_speed_mps, -1.0, 1.0)
     yaw_rate = np.clip(np.abs(step.yaw_rate_radps) / step.max_yaw_rate_radps, 0.0, 1.0)
+    if config.eq9 == "literal":
+        return speed - YAW_RATE_COST * yaw_rate
     return (speed - YAW_RATE_COST * yaw_rate - 1.0) * step.periods
 
 
@@ -92,8 +116,11 @@ def approach(step: Step, config: RewardConfig) -> Array:  # (N,)
 
     The heading part is the integral over the step of eq 10's 0.5 exp(-2 |h|) times the decrease of |h|. Taken
     at the step's end instead, a turn of 0.15 rad to the goal and back pays 0.0194 m; the integral pays
-    nothing.
+    nothing. Literal: |dp| + 0.5 exp(-2 |h|) |dtheta|, which pays driving and turning anywhere.
     """
+    if config.eq10 == "literal":
+        facing = np.exp(-HEADING_DECAY * np.abs(step.heading_error_rad))
+        return step.displacement_m + 0.5 * facing * np.abs(step.turn_rad)
     progress = step.previous_distance_m - step.distance_m
     facing = np.exp(-HEADING_DECAY * np.abs(step.heading_error_rad))
     previously = np.exp(-HEADING_DECAY * np.abs(step.previous_heading_error_rad))
@@ -101,7 +128,15 @@ def approach(step: Step, config: RewardConfig) -> Array:  # (N,)
 
 
 def obstacle(step: Step, config: RewardConfig) -> Array:  # (N,)
-    """r_o = -5 clip((c_safe - c) / c_safe, 0, 1), clearance c = d_ob - d_r, c_safe = d_safe - d_r (eq 11)."""
+    """r_o = -5 clip((c_safe - c) / c_safe, 0, 1), clearance c = d_ob - d_r, c_safe = d_safe - d_r (eq 11).
+
+    Literal: -5 / (d_ob - d_safe) where d_ob < d_safe, which is positive; cut where the quotient's divisor, which
+    is c - c_safe, is smaller than SINGULARITY_M.
+    """
+    if config.eq11 == "literal":
+        inside = step.clearance_m < config.safe_clearance_m
+        divisor = np.minimum(step.clearance_m - config.safe_clearance_m, -SINGULARITY_M)
+        return np.where(inside, -OBSTACLE_PENALTY / divisor, 0.0)
     near = np.clip(1.0 - step.clearance_m / config.safe_clearance_m, 0.0, 1.0)
     return -OBSTACLE_PENALTY * near * step.periods
 

@@ -1,4 +1,4 @@
-"""Phase-aligned weights, eqs 14 to 16, corrected forms. Works on numpy and JAX arrays, inside jit too."""
+"""Phase-aligned weights, eqs 14 to 16. Works on numpy and JAX arrays, inside jit too."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,16 +16,28 @@ SHAPING_ROWS: dict[str, Callable[[Any, Any, Any, Any], Any]] = {
 }
 
 
+def _approach_literal(t_obs: Any, t_goal: Any, t_stop: Any, s: Any) -> Any:
+    """w_di = 0.6 (1 - T_obs) T_goal (1 - S) + 0.1 S (eq 14 as printed)."""
+    return 0.6 * (1.0 - t_obs) * t_goal * (1.0 - s) + 0.1 * s
+
+
 def weights(features: Any, maturity: Any, config: RewardConfig) -> Any:
-    """w'_i of eq 16: (..., F) features, S in [0, 1] -> (..., R) weights in the order of REWARD_TERMS.
+    """w'_i of eq 16: (..., F) features, S in [0, 1], one or (...) -> (..., R) weights in the order of REWARD_TERMS.
 
     The four shaping rows are divided by their sum. Success and failure keep a fixed weight: normalised with
-    the others, they would make a crash cheaper than standing in front of an obstacle.
+    the others, they would make a crash cheaper than standing in front of an obstacle. Literal: all six are
+    divided by the sum of the six.
     """
     xp = features.__array_namespace__()
     maturity = xp.asarray(maturity, dtype=features.dtype)
     columns = features[..., 0], features[..., 1], features[..., 2]
-    rows = [row(*columns, maturity) for row in SHAPING_ROWS.values()]
+    shaping = SHAPING_ROWS
+    if config.eq14 == "literal":
+        shaping = shaping | {"approach": _approach_literal}
+    rows = [row(*columns, maturity) for row in shaping.values()]
     total = sum(rows[1:], start=rows[0])
     fixed = [xp.full_like(total, config.success_weight), xp.full_like(total, config.failure_weight)]
+    if config.eq16 == "literal":
+        total = total + config.success_weight + config.failure_weight
+        fixed = [row / total for row in fixed]
     return xp.stack([*fixed, *(row / total for row in rows)], axis=-1)

@@ -1,0 +1,194 @@
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/unique_ptr.h>
+
+#include <string>
+#include <tuple>
+
+#include "../replanner.hpp"
+#include "arrays.hpp"
+#include "buffers.hpp"
+
+using namespace adrl;
+
+namespace {
+
+using Flat8 = In<std::uint8_t, nb::shape<-1>>;
+using LogOdds = In<std::int8_t, nb::shape<-1, -1>>;
+
+// The planner with references to the caller's arrays.
+struct BoundReplanner {
+    Replanner native;
+    nb::object keep_alive;
+
+    std::size_t robots() const { return static_cast<std::size_t>(native.num_robots()); }
+    void require_rows(std::size_t rows, const char *name) const {
+        if (rows != robots()) throw nb::value_error((std::string(name) + ": give one row a robot").c_str());
+    }
+    // Kernels turn coordinates into cells: what is not finite, or off the lattice, would leave the arrays.
+    template <class Array>
+    void require_points(const Flat8 &mask, const Array &points, const char *name) const {
+        require_rows(points.shape(0), name);
+        for (std::size_t i = 0; i < robots(); ++i) {
+            if (!mask.data()[i]) continue;
+            for (std::size_t k = 0; k < points.shape(1); ++k) {
+                if (!(std::abs(points(i, k)) < 1e9))
+                    throw nb::value_error((std::string(name) + ": give finite metres, below 1e9").c_str());
+            }
+        }
+    }
+};
+
+void check(const ReplannerSetup &s) {
+    const auto positive = [](double x) { return std::isfinite(x) && x > 0.0; };
+    if (s.shape.height < 8 || s.shape.width < 8 || s.shape.height > 4096 || s.shape.width > 4096)
+        throw nb::value_error("a window has 8 to 4096 cells a side");
+    if (!positive(s.shape.resolution) || !positive(s.max_range) || !positive(s.reach))
+        throw nb::value_error("resolution_m, max_range_m or reach_m is not positive");
+    const Evidence &e = s.evidence;
+    if (e.low > 0 || e.low < -127 || e.high < 1 || e.high > 127 || e.hit <= -e.low || e.hit > 254 || e.miss < 0)
+        throw nb::value_error("evidence: give -127 <= low <= 0 < high <= 127, hit > -low and miss >= 0");
+}
+
+std::unique_ptr<BoundReplanner> make_replanner(int num_robots, int num_threads, int num_beams, double angle_min,
+                                               double increment, const ReplannerSetup &setup, nb::dict buffers) {
+    if (num_robots < 0) throw nb::value_error("num_robots is negative");
+    if (num_beams < 1 || num_beams > 2048) throw nb::value_error("a LiDAR has 1 to 2048 beams");
+    require_finite({angle_min, increment}, "angle_min_rad or angle_increment_rad");
+    check(setup);
+    const auto n = static_cast<std::size_t>(num_robots);
+    const auto height = static_cast<std::size_t>(setup.shape.height);
+    const auto width = static_cast<std::size_t>(setup.shape.width);
+    const ReplannerBuffers b{buffer<std::int8_t>(buffers, "log_odds", {n, height, width}),
+                             buffer<std::int64_t>(buffers, "origin", {n, 2}),
+                             buffer<std::uint8_t>(buffers, "parity", {n}),
+                             buffer<double>(buffers, "waypoint", {n, 2}),
+                             buffer<double>(buffers, "route", {n}),
+                             buffer<std::uint8_t>(buffers, "found", {n})};
+    return std::unique_ptr<BoundReplanner>(
+        new BoundReplanner{Replanner(num_robots, num_threads, Beams(num_beams, angle_min, increment), setup, b),
+                           nb::steal<nb::object>(PyDict_Copy(buffers.ptr()))});
+}
+
+void restart(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose) {
+    self.require_rows(mask.shape(0), "mask");
+    self.require_points(mask, pose, "pose");
+    const nb::gil_scoped_release release;
+    self.native.restart(mask.data(), pose.data());
+}
+
+void observe(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose,
+             const In<float, nb::shape<-1, -1>> &ranges) {
+    self.require_rows(mask.shape(0), "mask");
+    self.require_points(mask, pose, "pose");
+    self.require_rows(ranges.shape(0), "ranges");
+    if (ranges.shape(1) != static_cast<std::size_t>(self.native.num_beams()))
+        throw nb::value_error("ranges: give one column a beam");
+    const nb::gil_scoped_release release;
+    self.native.observe(mask.data(), pose.data(), ranges.data());
+}
+
+void plan(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose, const In<double, Rows2> &goal) {
+    self.require_rows(mask.shape(0), "mask");
+    self.require_points(mask, pose, "pose");
+    self.require_points(mask, goal, "goal");
+    const nb::gil_scoped_release release;
+    self.native.plan(mask.data(), pose.data(), goal.data());
+}
+
+void see(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose, const In<double, Rows2> &point,
+         double distance, bool known, Out<std::uint8_t, nb::shape<-1>> out) {
+    self.require_rows(mask.shape(0), "mask");
+    self.require_rows(out.shape(0), "out");
+    self.require_points(mask, pose, "pose");
+    self.require_points(mask, point, "point");
+    const nb::gil_scoped_release release;
+    self.native.see(mask.data(), pose.data(), point.data(), distance, known, out.data());
+}
+
+nb::tuple plan_route(RoutePlanner &self, const LogOdds &log_odds, std::pair<int, int> start, std::pair<int, int> goal,
+                     double heading) {
+    if (static_cast<int>(log_odds.shape(0)) != self.height() || static_cast<int>(log_odds.shape(1)) != self.width())
+        throw nb::value_error("log_odds: its shape is not the planner's");
+    if (start.first < 0 || start.second < 0 || start.first >= self.height() || start.second >= self.width())
+        throw nb::value_error("start lies outside of the window");
+    require_finite({heading}, "heading_rad");
+    Route route{nullptr, 0.0, false};
+    {
+        const nb::gil_scoped_release release;
+        route = self.plan(log_odds.data(), {start.first, start.second}, {goal.first, goal.second}, heading);
+    }
+    std::int32_t *out = nullptr;
+    auto cells = new_array<std::int32_t>({route.cells->size(), 2}, out);
+    for (const Cell &c : *route.cells) {
+        *out++ = c.row;
+        *out++ = c.column;
+    }
+    return nb::make_tuple(cells, route.cost, route.reached);
+}
+
+} // namespace
+
+void bind_replanner(nb::module_ &m) {
+    nb::class_<Evidence>(m, "Evidence")
+        .def(nb::init<>())
+        .def_rw("hit", &Evidence::hit)
+        .def_rw("miss", &Evidence::miss)
+        .def_rw("low", &Evidence::low)
+        .def_rw("high", &Evidence::high);
+    nb::class_<RouteCosts>(m, "RouteCosts")
+        .def(nb::init<>())
+        .def_rw("inflation_m", &RouteCosts::inflation)
+        .def_rw("comfort_m", &RouteCosts::comfort)
+        .def_rw("near_goal_m", &RouteCosts::near_goal)
+        .def_rw("weight", &RouteCosts::weight)
+        .def_rw("k_obstacle", &RouteCosts::k_obstacle)
+        .def_rw("k_goal", &RouteCosts::k_goal)
+        .def_rw("k_turn", &RouteCosts::k_turn)
+        .def_rw("turn_m", &RouteCosts::turn)
+        .def_rw("headings", &RouteCosts::headings);
+    nb::class_<WaypointRules>(m, "WaypointRules")
+        .def(nb::init<>())
+        .def_rw("min_interval_m", &WaypointRules::min_interval)
+        .def_rw("max_distance_m", &WaypointRules::max_distance)
+        .def_rw("corridor_m", &WaypointRules::corridor)
+        .def_rw("literal", &WaypointRules::literal);
+    nb::class_<ReplannerSetup>(m, "ReplannerSetup")
+        .def(
+            "__init__",
+            [](ReplannerSetup *self, int height, int width, double resolution, const Evidence &evidence,
+               std::tuple<double, double, double> mount, double max_range, double reach, double body_radius,
+               const RouteCosts &costs, const WaypointRules &waypoint) {
+                require_finite({std::get<0>(mount), std::get<1>(mount), std::get<2>(mount)}, "mount");
+                new (self) ReplannerSetup{{height, width, resolution},
+                                          evidence,
+                                          {std::get<0>(mount), std::get<1>(mount), std::get<2>(mount)},
+                                          max_range,
+                                          reach,
+                                          body_radius,
+                                          costs,
+                                          waypoint};
+            },
+            nb::kw_only(), nb::arg("height"), nb::arg("width"), nb::arg("resolution_m"), nb::arg("evidence"),
+            nb::arg("mount"), nb::arg("max_range_m"), nb::arg("reach_m"), nb::arg("body_radius_m"), nb::arg("costs"),
+            nb::arg("waypoint"));
+    nb::class_<BoundReplanner>(m, "Replanner")
+        .def(nb::new_(&make_replanner), nb::arg("num_robots"), nb::arg("num_threads"), nb::arg("num_beams"),
+             nb::arg("angle_min_rad"), nb::arg("angle_increment_rad"), nb::arg("setup"), nb::arg("buffers"))
+        .def_prop_ro("num_threads", [](const BoundReplanner &self) { return self.native.num_threads(); })
+        .def("restart", &restart, nb::arg("mask").noconvert(), nb::arg("pose").noconvert())
+        .def("observe", &observe, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(),
+             nb::arg("ranges").noconvert())
+        .def("plan", &plan, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(), nb::arg("goal").noconvert())
+        .def("see", &see, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(), nb::arg("point").noconvert(),
+             nb::arg("distance_m"), nb::arg("known"), nb::arg("out").noconvert());
+    nb::class_<RoutePlanner>(m, "RoutePlanner")
+        .def(nb::new_([](int height, int width, double resolution, const RouteCosts &costs) {
+                 if (height < 1 || width < 1 || height > 4096 || width > 4096 || !(resolution > 0.0))
+                     throw nb::value_error("a window has 1 to 4096 cells a side, of positive size");
+                 return std::make_unique<RoutePlanner>(height, width, resolution, costs);
+             }),
+             nb::arg("height"), nb::arg("width"), nb::arg("resolution_m"), nb::arg("costs"))
+        .def("plan", &plan_route, nb::arg("log_odds").noconvert(), nb::arg("start"), nb::arg("goal"),
+             nb::arg("heading_rad") = 0.0);
+}

@@ -1,0 +1,94 @@
+"""The comparison from nothing, or from where it was stopped, to its tables."""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from adrl import files
+from adrl.baselines import SB3_METHODS, require_sb3
+from adrl.comparison.config import CompareConfig, differences
+from adrl.comparison.jobs import EPISODES_FILE, Job, all_jobs, concatenated, is_finished
+from adrl.comparison.pool import log_path, run_all
+from adrl.comparison.results import markdown, method_rows, read_runs
+from adrl.errors import CheckpointError, ConfigError
+from adrl.evaluation.results import write_table
+
+SCHEMA_VERSION = 1
+SETTINGS_FILE = "settings.json"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The results, and what is missing of them."""
+
+    rows: list[dict[str, Any]]
+    """As in results.json: one a method, and one for each guidance of the evaluation where there are several."""
+    failed: dict[str, Path]
+    """Jobs whose process failed: name -> its log."""
+
+
+def compare(config: CompareConfig, on_change: Callable[[int, int, int], None] | None = None) -> Comparison:
+    """Train and evaluate every method with every seed that is not done yet, and write the tables.
+
+    on_change(done, running, total) is told the progress. Leaves in config.out: a folder METHOD-sSEED with each result,
+    episodes.parquet, results.json, table.md, and the training runs in runs/. Raises AdrlError, before any work, for
+    settings that cannot be or that differ from those of the results in the folder.
+    """
+    if config.learner.steps is None and config.learner.max_seconds is None:
+        raise ConfigError("every run needs an end; give --steps or --max-seconds")
+    if set(config.method_names) & SB3_METHODS.keys():
+        require_sb3()
+    for method in config.method_names:
+        config.run(method, config.learner.seed, config.out)
+    _claim(config)
+    jobs = all_jobs(config)
+    waiting = [job for job in jobs if not is_finished(config, job)]
+    done = len(jobs) - len(waiting)
+
+    def tell(ended: int, running: int) -> None:
+        if on_change is not None:
+            on_change(done + ended, running, len(jobs))
+
+    try:
+        failed = run_all(config, waiting, tell)
+    finally:
+        rows = _write_tables(config, jobs)
+    return Comparison(rows, {job.name: log_path(config, job) for job in failed})
+
+
+def _claim(config: CompareConfig) -> None:
+    """Write what this folder's results share. Raises ConfigError where it has results of something else."""
+    path, settings = config.out / SETTINGS_FILE, config.settings()
+    if path.exists():
+        try:
+            found = json.loads(path.read_text(encoding="utf-8"))["settings"]
+        except (ValueError, KeyError, TypeError):
+            raise CheckpointError(f"{path}: not the settings of a comparison; give another --out") from None
+        if lines := differences(found, settings):
+            raise ConfigError(
+                f"{config.out} holds results of other settings ({'; '.join(lines)}); "
+                "give another --out, or the settings of before"
+            )
+        return
+    if config.out.is_dir() and any(config.out.iterdir()):
+        raise ConfigError(f"{config.out} holds files of something else; give another --out")
+    files.write_json(path, {"schema_version": SCHEMA_VERSION, "settings": settings})
+
+
+def _write_tables(config: CompareConfig, jobs: list[Job]) -> list[dict[str, Any]]:
+    """Tables of the results there are; also of a comparison that was stopped."""
+    import pyarrow.parquet as pq
+
+    finished = [job for job in jobs if is_finished(config, job)]
+    if not finished:
+        return []
+    tables = [pq.ParquetFile(config.out / job.name / EPISODES_FILE).read() for job in finished]
+    write_table(config.out / EPISODES_FILE, concatenated(tables))
+    rows = method_rows(read_runs([config.out / job.name for job in finished]))
+    missing = [job.name for job in jobs if job not in finished]
+    content = {"schema_version": SCHEMA_VERSION, "settings": config.settings(), "missing": missing}
+    files.write_json(config.out / "results.json", content | {"rows": rows})
+    files.atomic_write_text(config.out / "table.md", markdown(rows, config.title(), missing))
+    return rows

@@ -1,0 +1,138 @@
+"""What is compared: a training run's options, with many methods and seeds in place of one."""
+
+import json
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import tyro
+
+from adrl.agents.config import TrainConfig
+from adrl.agents.methods import METHODS, method_config
+from adrl.baselines import SB3_METHODS
+from adrl.errors import ConfigError, UnknownName
+from adrl.runs import RunConfig
+from adrl.types import GUIDANCE
+from adrl.worlds import load_robot
+
+ALL = "all"
+EVAL_INTERVAL_STEPS = 16_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareConfig(RunConfig):
+    """A comparison. The options of a run hold for every method; give --steps or --max-seconds, the budget of each."""
+
+    methods: str = ALL
+    """Names with commas between; all: every method of ADRL. adrl list names them and the baselines."""
+    seeds: int = 10
+    """Training seeds of each method, counted from --seed; 10 or more for a claim."""
+    episodes: int = 500
+    """Tasks on which each final policy is evaluated, one episode each."""
+    split: Literal["validation", "test"] = "test"
+    """Which tasks: task i of a split is the same for ever."""
+    eval_guidance: str | None = None
+    """Guidance of the evaluation, names with commas between; as trained when left out."""
+    workers: int = 0
+    """Processes, each on a core of its own; 0 takes one for every usable core."""
+    out: Path = Path("runs/compare")
+    """Folder of the results. The same command again goes on where it was stopped; methods and seeds may be added."""
+    method: tyro.conf.Suppress[str] = "adrl"
+    """Set for each job."""
+    resume: tyro.conf.Suppress[bool] = True
+    """Set for each job."""
+    learner: Annotated[TrainConfig, tyro.conf.arg(name="")] = field(
+        default_factory=lambda: TrainConfig(eval_interval_steps=EVAL_INTERVAL_STEPS)
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name in self.method_names:
+            if name not in METHODS and name not in SB3_METHODS:
+                raise UnknownName("method", name, [*METHODS, *SB3_METHODS, ALL])
+        for name in self.guidance_names:
+            if name not in GUIDANCE:
+                raise UnknownName("guidance", name, GUIDANCE)
+        for name, least in (("seeds", 1), ("episodes", 1), ("workers", 0)):
+            if getattr(self, name) < least:
+                raise ConfigError(f"{name} is {getattr(self, name)}; give {least} or more")
+
+    @property
+    def method_names(self) -> tuple[str, ...]:
+        """The methods, each once, in the order given."""
+        listed = [name.strip() for name in self.methods.split(",") if name.strip()]
+        if not listed:
+            raise ConfigError("methods is empty; give names with commas between, or all")
+        return tuple(dict.fromkeys(n for name in listed for n in (METHODS if name == ALL else (name,))))
+
+    @property
+    def guidance_names(self) -> tuple[str, ...]:
+        """Guidance of the evaluations, each once."""
+        listed = (self.eval_guidance or self.guidance).split(",")
+        return tuple(dict.fromkeys(name.strip() for name in listed))
+
+    def run(self, method: str, seed: int, out: Path) -> RunConfig:
+        """The run of one method and seed. A baseline's is that of td3: the same environment and reward."""
+        values = {f.name: getattr(self, f.name) for f in fields(RunConfig)}
+        known = method if method in METHODS else "td3"
+        values |= {"method": known, "out": out, "learner": replace(self.learner, seed=seed)}
+        if not method_config(known, self.learner).schedule.imitates:
+            values["dataset"] = None
+        return RunConfig(**values)
+
+    def title(self) -> str:
+        """What all results share, in a line."""
+        learner = self.learner
+        budgets = [] if learner.steps is None else [f"{learner.steps} steps"]
+        budgets += [] if learner.max_seconds is None else [f"{learner.max_seconds:g} s"]
+        return (
+            f"scenario {self.load().name}, robot {load_robot(self.robot).name}, trained with guidance {self.guidance} "
+            f"for {' or '.join(budgets)}, {self.episodes} {self.split} tasks"
+        )
+
+    def document(self) -> dict[str, Any]:
+        """All of it as JSON has it; from_document is the inverse."""
+        return json.loads(json.dumps(asdict(self), default=str, allow_nan=False))
+
+    def settings(self) -> dict[str, Any]:
+        """What all results in one folder must share: neither methods nor seeds, nor how many at once."""
+        content = self.document()
+        for name in ("methods", "seeds", "workers", "out", "method", "resume"):
+            del content[name]
+        del content["learner"]["seed"]
+        # Names become what they stand for today: a robot's file may change.
+        content["scenario"] = self.load().name
+        content["robot"] = json.loads(json.dumps(asdict(load_robot(self.robot))))
+        content["eval_guidance"] = ",".join(self.guidance_names)
+        return content
+
+
+def from_document(content: dict[str, Any]) -> CompareConfig:
+    """The comparison that document() describes."""
+    return _restored(CompareConfig, content)
+
+
+def _restored(kind: Any, value: Any) -> Any:
+    """A value of this type, from what JSON made of it."""
+    for option in get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,):
+        if is_dataclass(option) and isinstance(value, dict):
+            hints = get_type_hints(option)
+            return option(**{name: _restored(hints[name], entry) for name, entry in value.items()})  # pyright: ignore
+        if get_origin(option) is tuple and isinstance(value, list):
+            return tuple(_restored(get_args(option)[0], entry) for entry in value)
+        if option is Path and isinstance(value, str):
+            return Path(value)
+    return value
+
+
+def differences(first: dict[str, Any], second: dict[str, Any]) -> list[str]:
+    """Lines "learner.steps: 1000 there, 2000 here" for every setting that differs."""
+    lines = []
+    for key in dict.fromkeys([*first, *second]):
+        there, here = first.get(key), second.get(key)
+        if isinstance(there, dict) and isinstance(here, dict):
+            lines += [f"{key}.{line}" for line in differences(there, here)]
+        elif there != here:
+            lines.append(f"{key}: {json.dumps(there)} there, {json.dumps(here)} here")
+    return lines

@@ -1,0 +1,139 @@
+"""A job of a comparison: train one method with one seed, evaluate its final policy, leave the result."""
+
+import shutil
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from adrl import api, files
+from adrl.agents.metrics import METRICS_FILE
+from adrl.baselines import SB3_METHODS
+from adrl.comparison.config import CompareConfig
+from adrl.deploy.policy import CONFIG_FILE
+from adrl.evaluation.metrics import Episodes
+from adrl.evaluation.results import write_table
+from adrl.runs import RunConfig, about_policy, env_maker, train, validation, with_horizon_of
+from adrl.worlds import load_robot
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+SCHEMA_VERSION = 1
+RESULT_FILE = "summary.json"
+EPISODES_FILE = "episodes.parquet"
+RUNS_FOLDER = "runs"
+
+
+@dataclass(frozen=True)
+class Job:
+    """One training and its evaluation. seed None: the planner, which is evaluated only."""
+
+    method: str
+    seed: int | None
+
+    @property
+    def name(self) -> str:
+        """Of its folder."""
+        return self.method if self.seed is None else f"{self.method}-s{self.seed}"
+
+
+def all_jobs(config: CompareConfig) -> list[Job]:
+    """The reference, then all methods with the first seed, all with the second, ...
+
+    So a slow hour of the machine hits all methods alike, and a part of the results is a fair one.
+    """
+    first = config.learner.seed
+    trainings = [Job(m, s) for s in range(first, first + config.seeds) for m in config.method_names]
+    return [Job(api.PLANNER, None), *trainings]
+
+
+def is_finished(config: CompareConfig, job: Job) -> bool:
+    """Whether the job's result is there."""
+    return (config.out / job.name / RESULT_FILE).exists()
+
+
+def run_job(config: CompareConfig, job: Job, started_s: float) -> None:
+    """Train, or go on with what a killed process left, evaluate, and write the result, the summary last.
+
+    started_s: of time.monotonic(); the budget counts from there. Raises AdrlError.
+    """
+    run = None if job.seed is None else config.out / RUNS_FOLDER / job.name
+    if run is not None and job.seed is not None:
+        _train(config.run(job.method, job.seed, run), job.method, run, started_s)
+    evaluations = [
+        api.evaluate(
+            api.PLANNER if run is None else run,
+            scenario=config.load(),
+            robot=config.robot,
+            guidance=guidance,
+            split=config.split,
+            episodes=config.episodes,
+            num_threads=1,
+        )
+        for guidance in (("map",) if run is None else config.guidance_names)
+    ]
+    folder = config.out / job.name
+    tables = [_table(result.rollout.episodes, job, result.summary["guidance"]) for result in evaluations]
+    write_table(folder / EPISODES_FILE, concatenated(tables))
+    if run is not None:
+        for name in (METRICS_FILE, CONFIG_FILE):
+            files.atomic_write_bytes(folder / name, (run / name).read_bytes())
+    summary = {"schema_version": SCHEMA_VERSION, "method": job.method, "seed": job.seed}
+    files.write_json(
+        folder / RESULT_FILE, summary | {"evaluations": [result.summary for result in evaluations]}
+    )
+
+
+def concatenated(tables: "list[pa.Table]") -> "pa.Table":
+    """One table below the other."""
+    import pyarrow as pa
+
+    return pa.concat_tables(tables)
+
+
+def _table(episodes: Episodes, job: Job, guidance: str) -> "pa.Table":
+    """The episodes, with columns that say whose they are."""
+    import pyarrow as pa
+
+    table = episodes.to_table()
+    whose: list[tuple[str, Any]] = [
+        ("method", pa.array([job.method] * len(episodes), pa.string())),
+        ("seed", pa.array([job.seed] * len(episodes), pa.int64())),
+        ("guidance", pa.array([guidance] * len(episodes), pa.string())),
+    ]
+    for position, (name, column) in enumerate(whose):
+        table = table.add_column(position, name, column)
+    return table
+
+
+def _train(config: RunConfig, method: str, out: Path, started_s: float) -> None:
+    if method in SB3_METHODS:
+        _train_baseline(config, method, out, started_s)
+    else:
+        train(config, start_time_s=started_s)
+
+
+def _train_baseline(config: RunConfig, method: str, out: Path, started_s: float) -> None:
+    """Stable-Baselines3 in the environment of td3. It has no checkpoints: a run that was killed starts afresh."""
+    from adrl.baselines.sb3 import train_sb3
+
+    shutil.rmtree(out, ignore_errors=True)
+    scenario, robot = config.load(), load_robot(config.robot)
+    learner = with_horizon_of(config.resolved(), robot)
+    env = env_maker(config, learner, scenario, robot)(
+        config.num_envs,
+        randomize=config.randomize,
+        task_priority=config.task_priority,
+        seed=learner.seed,
+        maturity=learner.static_maturity,
+    )
+    about = replace(about_policy(config, robot, scenario, out), method=method)
+    train_sb3(
+        SB3_METHODS[method],
+        env,
+        learner,
+        out,
+        policy_config=about,
+        evaluate=validation(config, scenario, robot, learner),
+        start_time_s=started_s,
+    )

@@ -1,0 +1,66 @@
+"""Jobs side by side, each in a process of its own that is bound to a core of its own."""
+
+import json
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from adrl import processes
+from adrl.comparison.config import CompareConfig
+from adrl.comparison.jobs import Job, is_finished
+
+LOGS_FOLDER = "logs"
+POLL_S = 0.2
+
+
+def log_path(config: CompareConfig, job: Job) -> Path:
+    """What the job's process printed."""
+    return config.out / LOGS_FOLDER / f"{job.name}.log"
+
+
+def cores(config: CompareConfig) -> list[int]:
+    """The cores to work on: as many as workers were asked for, at most the usable ones."""
+    usable = processes.usable_cores()
+    return usable[: config.workers or len(usable)]
+
+
+def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int], None]) -> list[Job]:
+    """Run the jobs in their order; returns those that failed. tell(ended, running) hears of the progress.
+
+    No process survives this function, nor this process.
+    """
+    waiting, failed, ended = list(jobs), [], 0
+    free, running = cores(config), dict[int, tuple[Job, processes.Process]]()
+    try:
+        while waiting or running:
+            while waiting and free:
+                core, job = free.pop(0), waiting.pop(0)
+                running[core] = job, _start(config, job, core)
+            tell(ended, len(running))
+            time.sleep(POLL_S)
+            for core, (job, process) in list(running.items()):
+                if process.poll() is None:
+                    continue
+                processes.close(process)
+                del running[core]
+                free.append(core)
+                ended += 1
+                if process.returncode != 0 or not is_finished(config, job):
+                    failed.append(job)
+        tell(ended, 0)
+    finally:
+        for _, process in running.values():
+            processes.close(process)
+    return failed
+
+
+def _start(config: CompareConfig, job: Job, core: int) -> processes.Process:
+    """A worker with its job on standard input, which stays open: see adrl.comparison.worker."""
+    path = log_path(config, job)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    task = {"core": core, "method": job.method, "seed": job.seed, "config": config.document()}
+    with open(path, "wb") as log:
+        process = processes.start_module("adrl.comparison.worker", stdout=log, stderr=subprocess.STDOUT)
+    processes.send(process, json.dumps(task).encode())
+    return process

@@ -1,0 +1,216 @@
+"""From the result of each training to one row a method. The training seed is the unit of every interval."""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from adrl.agents.metrics import METRICS_FILE
+from adrl.comparison.jobs import RESULT_FILE
+from adrl.errors import CheckpointError
+from adrl.evaluation.learning_time import median_seconds_to_level, seconds_to_level
+from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
+from adrl.report.metrics_log import read_metrics
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+OURS = "adrl"
+"""The method whose probability of improvement over each other one is told."""
+MEANS = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")
+TRAINING = ("train_seconds", "env_steps", "gradient_updates")
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Run:
+    """One evaluation of one training, or of the planner, which has no seed."""
+
+    method: str
+    seed: int | None
+    summary: dict[str, Any]
+    seconds_to_90: float
+    """Infinite where it never happened, NaN where nothing was evaluated in training."""
+
+
+def read_runs(folders: Sequence[Path]) -> list[Run]:
+    """The evaluations in result folders METHOD-sSEED. Raises CheckpointError naming a malformed file."""
+    runs = []
+    for folder in folders:
+        path = folder / RESULT_FILE
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            seconds = math.nan if content["seed"] is None else _seconds_to_90(folder / METRICS_FILE)
+            runs += [Run(content["method"], content["seed"], s, seconds) for s in content["evaluations"]]
+        except (ValueError, KeyError, TypeError) as error:
+            raise CheckpointError(
+                f"{path}: not a result of adrl compare ({error!r}); delete it and run again"
+            ) from None
+    return runs
+
+
+def _seconds_to_90(path: Path) -> float:
+    columns = read_metrics(path)
+    return seconds_to_level(
+        columns["wall_s"], columns.get("success", np.full(len(columns["wall_s"]), np.nan))
+    )
+
+
+def method_rows(runs: Sequence[Run]) -> list[Row]:
+    """One row for each method and guidance, in the order of the runs, the planner's last.
+
+    Rates, means over seeds with a stratified bootstrap interval `_low`, `_high`; `success_iqm`, `success_worst`;
+    `seconds_to_90` the median over seeds, None where it is infinite or nothing was evaluated in training, and how many
+    seeds got there; `improvement`: the probability that a seed of ours beats one of this method. The planner has no
+    seeds: its intervals are over episodes.
+    """
+    groups: dict[tuple[str, str], list[Run]] = {}
+    for run in runs:
+        groups.setdefault((run.method, run.summary["guidance"]), []).append(run)
+    rows = []
+    for (method, guidance), group in groups.items():
+        if group[0].seed is None:
+            rows.append(_reference_row(group[0]))
+            continue
+        rival = groups.get((OURS, guidance)) if method != OURS else None
+        rows.append(_method_row(group, rival))
+    return sorted(rows, key=lambda row: row["seeds"] is None)
+
+
+def _method_row(group: list[Run], ours: list[Run] | None) -> Row:
+    row: Row = {"method": group[0].method, "guidance": group[0].summary["guidance"], "seeds": len(group)}
+    success = _column(group, "success")
+    for name in MEANS:
+        row |= _entry(name, seed_mean(_column(group, name)))
+    row |= _entry("success_iqm", seed_iqm(success)) | {"success_worst": min(success)}
+    seconds = [run.seconds_to_90 for run in group]
+    median = median_seconds_to_level(seconds)
+    row["seconds_to_90"] = median if math.isfinite(median) else None
+    evaluated = not np.isnan(seconds).any()
+    row["seeds_to_90"] = int(np.isfinite(seconds).sum()) if evaluated else None
+    improvement = (
+        (math.nan,) * 3 if ours is None else probability_of_improvement(_column(ours, "success"), success)
+    )
+    row |= _entry("improvement", Interval(*improvement))
+    for name in TRAINING:
+        row[name] = float(np.mean([run.summary[name] for run in group]))
+    return row
+
+
+def _reference_row(run: Run) -> Row:
+    summary = run.summary
+    row: Row = {"method": run.method, "guidance": summary["guidance"], "seeds": None}
+    row |= {name + end: summary[name + end] for name in MEANS for end in ("", "_low", "_high")}
+    nothing = ("seconds_to_90", "seeds_to_90", "success_worst", *TRAINING)
+    return row | dict.fromkeys(nothing) | _entry("success_iqm", None) | _entry("improvement", None)
+
+
+def _column(group: list[Run], name: str) -> list[float]:
+    """A metric of each seed; without the seeds where it is undefined, such as the time of no success."""
+    values = [run.summary[name] for run in group]
+    return [float(value) for value in values if value is not None]
+
+
+def _entry(name: str, interval: Interval | None) -> Row:
+    values = interval or (None, None, None)
+    return {
+        name + end: None if value is None or not math.isfinite(value) else value
+        for end, value in zip(("", "_low", "_high"), values, strict=True)
+    }
+
+
+@dataclass(frozen=True)
+class _Column:
+    heading: str
+    metric: str
+    decimals: int
+    scale: float = 1.0
+    interval: bool = False
+
+
+_COLUMNS = (
+    _Column("success %", "success", 1, 100.0, True),
+    _Column("IQM %", "success_iqm", 1, 100.0),
+    _Column("worst %", "success_worst", 1, 100.0),
+    _Column("coll. %", "collision", 1, 100.0),
+    _Column("time out %", "timeout", 1, 100.0),
+    _Column("Av.D m", "distance_m", 1),
+    _Column("Av.T s", "time_s", 1),
+    _Column("opt.", "optimality", 2),
+    _Column("SPL", "spl", 2),
+    _Column("90 % s", "seconds_to_90", 0),
+    _Column("adrl better %", "improvement", 0, 100.0, True),
+)
+CAPTION = (
+    "success: mean over training seeds with its 95 % interval (over episodes for a planner); 90 %: wall clock of "
+    "training until two validations in a row reach 90 %, median over seeds; adrl better: chance that a seed of adrl "
+    "beats one of the method; Av.D, Av.T and opt. (path / shortest path) over successes"
+)
+
+
+def _cell(row: Row, column: _Column) -> tuple[str, str]:
+    """The estimate and its interval, as text."""
+
+    def number(value: float) -> str:
+        return f"{value * column.scale:.{column.decimals}f}"
+
+    value = row[column.metric]
+    if value is None:
+        never = column.metric == "seconds_to_90" and row["seeds_to_90"] is not None
+        return (">budget" if never else "-"), ""
+    low, high = row.get(f"{column.metric}_low"), row.get(f"{column.metric}_high")
+    if not column.interval or low is None or high is None:
+        return number(value), ""
+    return number(value), f"{number(low)}-{number(high)}"
+
+
+def _note(row: Row) -> str:
+    """What is said of a row besides its method."""
+    return f"{row['guidance']}, planner" if row["seeds"] is None else f"{row['guidance']}, n={row['seeds']}"
+
+
+def markdown(rows: Sequence[Row], title: str, missing: Sequence[str] = ()) -> str:
+    """The table as Markdown; `missing` names jobs whose results are not in it."""
+    headings = ["method", "guidance", *(column.heading for column in _COLUMNS)]
+    lines = [title, "", "| " + " | ".join(headings) + " |", "|" + "-|" * len(headings)]
+    for row in rows:
+        cells = [_cell(row, column) for column in _COLUMNS]
+        texts = [value + (f" [{interval}]" if interval else "") for value, interval in cells]
+        lines.append("| " + " | ".join([row["method"], _note(row), *texts]) + " |")
+    lines += ["", CAPTION + "."]
+    if missing:
+        lines += ["", f"Not in it yet: {', '.join(missing)}."]
+    return "\n".join(lines) + "\n"
+
+
+def rich_table(rows: Sequence[Row], title: str) -> "Table":
+    """The table for a terminal: each estimate above its interval. Fits 80 columns."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(
+        title=Text(title),
+        title_justify="left",
+        caption=Text(CAPTION),
+        caption_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        padding=0,
+        pad_edge=False,
+    )
+    table.add_column("method", overflow="fold", min_width=10)
+    for column in _COLUMNS:
+        table.add_column(column.heading.replace(" ", "\n"), justify="right", no_wrap=True)
+    for row in rows:
+        cells = [Text(row["method"]).append(f"\n{_note(row)}", style="dim")]
+        for column in _COLUMNS:
+            value, interval = _cell(row, column)
+            cells.append(Text(value).append(f"\n{interval}" if interval else "", style="dim"))
+        table.add_row(*cells)
+    return table

@@ -1,0 +1,296 @@
+"""Adaptive replanning, section III-C: from the robot's own scans and odometry to the point it should head for.
+
+A robot follows the final goal until eq 18 finds it stagnant. Then it plans on what it has mapped itself (eq 22), heads
+for waypoints of the route (eqs 21 and 23), plans anew as it sees more, and is handed back to the goal when nothing it
+knows of stands between them, or the route has become nearly straight.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl import _core
+from adrl.observation import footprint_extent
+from adrl.planning.global_planner import inscribed_radius_m
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.types import Array, Form, RobotConfig
+
+F32 = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+LEAST_STEPS = 2
+"""Control periods between two plans: in tight places waypoints are near, and every step would ask for one."""
+EVIDENCE_HIT, EVIDENCE_LOW, EVIDENCE_HIGH = 30, -20, 60
+"""Log-odds of the map: one hit makes the surest free cell (low) solid; high is the surest solid one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """What N robots did in the last n steps. Arrays (N,)."""
+
+    travelled_m: Array
+    """Cumulative displacement: length of the way driven."""
+    progress_m: Array
+    """Decrease of the distance to the goal."""
+    net_m: Array
+    """Distance between the first and the last place."""
+    obstacle_change_m: Array
+    """Change of the nearest obstacle's distance between the first and the last step, unsigned."""
+    duration_s: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Thresholds:
+    """Of eq 18. Arrays (N,), or numbers."""
+
+    displacement_m: Any
+    speed_mps: Any
+    obstacle_change_m: Any
+
+
+def adapt(basic: Thresholds, threat: Array, maturity: float, config: ReplannerConfig) -> Thresholds:
+    """Eqs 19 and 20: d_m = d_m0 (1 + alpha T_obs), then divided by 1 + beta S; all three thresholds alike.
+
+    Literal eq 20 multiplies by 1 + beta S: a mature policy is interrupted more often, where the text wants less.
+    """
+    phase = 1.0 + config.maturity_gain * maturity
+    factor = (1.0 + config.environment_gain * threat) * (phase if config.eq20 == "literal" else 1.0 / phase)
+    return Thresholds(
+        displacement_m=basic.displacement_m * factor,
+        speed_mps=basic.speed_mps * factor,
+        obstacle_change_m=basic.obstacle_change_m * factor,
+    )
+
+
+def stagnant(motion: Motion, thresholds: Thresholds, form: Form) -> Mask:
+    """Eq 18, (N,).
+
+    Literal: cumulative displacement < d_m and change of obstacle distance < delta. A robot that oscillates or
+    circles in a trap drives far, and never fulfils it. Corrected: progress to the goal < d_m, and
+    net displacement / time < v_min, and the change < delta. Progress never exceeds the net displacement, so it
+    covers that too. The speed is the one made good: standing, oscillating and circling robots have none, one on
+    a fast detour has. The change is taken from the first to the last step: an oscillating robot is, every now
+    and then, as far from its obstacle as it was.
+    """
+    unchanged = motion.obstacle_change_m < thresholds.obstacle_change_m
+    if form == "literal":
+        return (motion.travelled_m < thresholds.displacement_m) & unchanged
+    slow = motion.net_m < thresholds.speed_mps * motion.duration_s
+    return (motion.progress_m < thresholds.displacement_m) & slow & unchanged
+
+
+def on_course(motion: Motion, least_m: float) -> Mask:
+    """(N,) robots of which most of the way brought them nearer to the goal; least_m: less is not driving."""
+    return (motion.progress_m > 0.7 * motion.travelled_m) & (motion.travelled_m > least_m)
+
+
+class Replanner:
+    """Waypoints for N robots of one kind. All that changes is in arrays: see state().
+
+    Poses and goals are in the frame of the odometry. `replans` (N,) counts the interventions since reset.
+    """
+
+    def __init__(
+        self,
+        num_robots: int,
+        robot: RobotConfig,
+        config: ReplannerConfig | None = None,
+        *,
+        maturity: float = 0.0,
+        num_threads: int = 1,
+    ) -> None:
+        """maturity: S of the policy (eq 20). num_threads: 0 takes one per core."""
+        self.config = config or ReplannerConfig()
+        self.robot = robot
+        self.maturity = maturity
+        self._window = self.config.steps(self.config.window_s, robot)
+        self._interval = self.config.steps(self.config.replan_interval_s, robot)
+        self._span_m = robot.max_speed_mps * robot.control_period_s * self._window
+        self._basic = Thresholds(
+            displacement_m=self.config.displacement_fraction * self._span_m,
+            speed_mps=self.config.speed_fraction * robot.max_speed_mps,
+            obstacle_change_m=self.config.obstacle_change_m,
+        )
+        angles = robot.lidar.angles_rad + robot.lidar.mount_yaw_rad
+        self._extent = footprint_extent(robot, angles).astype(np.float32)
+        self._b = _buffers(num_robots, self._window + 1, self.config.cells)
+        self._native = self._make_native(num_robots, num_threads)
+
+    @property
+    def replans(self) -> NDArray[np.int64]:
+        """(N,) interventions since the robot's reset."""
+        return self._b["replans"]
+
+    @property
+    def following(self) -> Mask:
+        """(N,) robots that follow a route of their own rather than the goal."""
+        return self._b["following"].astype(bool)
+
+    @property
+    def beyond_m(self) -> Array:
+        """(N,) metres of route from the waypoint to the goal; 0 for a robot that heads for the goal itself."""
+        return self._b["beyond"]
+
+    @property
+    def waypoints(self) -> Array:
+        """(N, 2) where to head for: a copy."""
+        return np.where(self.following[:, None], self._b["waypoint"], self._b["goal"])
+
+    def reset(self, indices: NDArray[np.intp], goals: Array, odometry: Array) -> None:
+        """Begin anew with robots `indices` (M,): goals (M, 2), odometry (M, 3) where they stand. The map is empty."""
+        b = self._b
+        mask = np.zeros(len(b["goal"]), dtype=np.uint8)
+        mask[indices] = 1
+        poses = np.zeros((len(mask), 3))
+        poses[indices] = odometry
+        b["goal"][indices] = goals
+        for name in ("replans", "following", "since_plan", "recorded", "beyond"):
+            b[name][indices] = 0
+        self._native.restart(mask, poses)
+
+    def update(self, ranges: F32, odometry: Array, twist: Array, active: Mask | None = None) -> Array:
+        """One control period: (N, K) ranges, (N, 3) odometry, (N, 2) twists -> (N, 2) waypoints.
+
+        active (N,): the other robots are left as they are.
+        """
+        b = self._b
+        awake = np.ones(len(odometry), dtype=bool) if active is None else np.asarray(active, dtype=bool)
+        odometry = np.ascontiguousarray(odometry, dtype=np.float64)
+        self._native.observe(awake.astype(np.uint8), odometry, np.ascontiguousarray(ranges, dtype=np.float32))
+        clearance = np.maximum((ranges - self._extent).min(axis=1), 0.0)
+        self._record(awake, odometry, clearance)
+        following = b["following"].astype(bool)
+        triggered = awake & ~following & self._triggered(odometry, clearance)
+        b["replans"][triggered] += 1
+        b["since_plan"][awake] += 1
+        self._plan(triggered | self._due(awake & following, odometry), odometry)
+        return self.waypoints
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Copies of all that changes."""
+        return {name: array.copy() for name, array in self._b.items()}
+
+    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from what state() returned."""
+        for name, array in self._b.items():
+            array[:] = state[name]
+
+    def _record(self, awake: Mask, odometry: Array, clearance: Array) -> None:
+        b = self._b
+        for name, newest in (("places", odometry[:, :2]), ("clearances", clearance)):
+            b[name][awake, :-1] = b[name][awake, 1:]
+            b[name][awake, -1] = newest[awake]
+        b["recorded"][awake] = np.minimum(b["recorded"][awake] + 1, self._window + 1)
+
+    def _motion(self) -> Motion:
+        places, clearances, goal = self._b["places"], self._b["clearances"], self._b["goal"]
+        steps = np.diff(places, axis=1)
+        return Motion(
+            travelled_m=np.hypot(steps[..., 0], steps[..., 1]).sum(axis=1),
+            progress_m=np.hypot(*(goal - places[:, 0]).T) - np.hypot(*(goal - places[:, -1]).T),
+            net_m=np.hypot(*(places[:, -1] - places[:, 0]).T),
+            obstacle_change_m=np.abs(clearances[:, -1] - clearances[:, 0]),
+            duration_s=self._window * self.robot.control_period_s,
+        )
+
+    def _triggered(self, odometry: Array, clearance: Array) -> Mask:
+        """(N,) eq 18, once the window is full. Corrected: but not for a robot on course over free ground.
+
+        However slow it drives, a plan would be the straight line it follows already.
+        """
+        threat = np.clip(1.0 - clearance / self.config.safe_clearance_m, 0.0, 1.0)
+        thresholds = adapt(self._basic, threat, self.maturity, self.config)
+        full = self._b["recorded"] > self._window
+        motion = self._motion()
+        stuck = full & stagnant(motion, thresholds, self.config.eq18)
+        if self.config.eq18 == "corrected" and stuck.any():
+            straight_on = stuck & on_course(motion, 0.01 * self._span_m)
+            stuck &= ~self._sees(straight_on, odometry, self._b["goal"], self.config.conflict_m)
+        return stuck
+
+    def _due(self, following: Mask, odometry: Array) -> Mask:
+        """(N,) robots on a route that need a new plan: in time, at the waypoint, or cut off from it."""
+        b = self._b
+        due = following & (b["since_plan"] >= self._interval)
+        rest = following & ~due & (b["since_plan"] >= LEAST_STEPS)
+        arrived = np.hypot(*(b["waypoint"] - odometry[:, :2]).T) < self.config.arrival_m
+        due |= rest & arrived
+        rest &= ~arrived
+        return due | (rest & ~self._sees(rest, odometry, b["waypoint"], np.inf))
+
+    def _plan(self, chosen: Mask, odometry: Array) -> None:
+        """Plan for the chosen robots, or hand them back to the goal."""
+        if not chosen.any():
+            return
+        b = self._b
+        self._native.plan(chosen.astype(np.uint8), odometry, b["goal"])
+        back = chosen & (b["found"] == 0)
+        back |= self._sees(chosen, odometry, b["goal"], np.inf, known=True)
+        ahead = np.hypot(*(b["waypoint"] - odometry[:, :2]).T)
+        left = np.hypot(*(b["goal"] - b["waypoint"]).T)
+        b["beyond"][chosen] = np.where(back, 0.0, np.maximum(b["route"] - ahead, left))[chosen]
+        b["following"][chosen] = ~back[chosen]
+        b["since_plan"][chosen] = 0
+        # Whoever goes back to the goal is watched anew.
+        b["recorded"][back] = 0
+
+    def _sees(
+        self, mask: Mask, odometry: Array, points: Array, distance_m: float, *, known: bool = False
+    ) -> Mask:
+        """(N,) robots of the mask that know of nothing on the straight way to a point, for distance_m of it.
+
+        known: and have seen all of that line.
+        """
+        out = np.zeros(len(mask), dtype=np.uint8)
+        if mask.any():
+            self._native.see(mask.astype(np.uint8), odometry, points, distance_m, known, out)
+        return out.astype(bool)
+
+    def _make_native(self, num_robots: int, num_threads: int) -> "_core.Replanner":
+        config, robot = self.config, self.robot
+        evidence = _core.Evidence()
+        evidence.hit, evidence.low, evidence.high = EVIDENCE_HIT, EVIDENCE_LOW, EVIDENCE_HIGH
+        # A cell near the robot is seen through in every scan.
+        evidence.miss = max(1, round(EVIDENCE_HIGH * robot.control_period_s / config.forget_s))
+        rules = _core.WaypointRules()
+        rules.min_interval_m, rules.max_distance_m = config.min_interval_m, config.lookahead_m
+        rules.corridor_m = robot.circumscribed_radius_m + 0.5 * config.margin_m
+        rules.literal = config.eq21 == "literal"
+        lidar = robot.lidar
+        setup = _core.ReplannerSetup(
+            height=config.cells,
+            width=config.cells,
+            resolution_m=config.resolution_m,
+            evidence=evidence,
+            mount=(lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad),
+            max_range_m=lidar.max_range_m,
+            reach_m=config.range_m,
+            body_radius_m=inscribed_radius_m(robot),
+            costs=config.route_costs(robot),
+            waypoint=rules,
+        )
+        beams = lidar.num_beams, lidar.angle_min_rad, lidar.angle_increment_rad
+        return _core.Replanner(num_robots, num_threads, *beams, setup, self._b)
+
+
+def _buffers(n: int, window: int, cells: int) -> dict[str, NDArray[Any]]:
+    shapes: dict[str, tuple[tuple[int, ...], Any]] = {
+        "log_odds": ((n, cells, cells), np.int8),
+        "origin": ((n, 2), np.int64),
+        "parity": ((n,), np.uint8),
+        "waypoint": ((n, 2), np.float64),
+        "route": ((n,), np.float64),
+        "found": ((n,), np.uint8),
+        "beyond": ((n,), np.float64),
+        "goal": ((n, 2), np.float64),
+        "places": ((n, window, 2), np.float64),
+        "clearances": ((n, window), np.float64),
+        "recorded": ((n,), np.int64),
+        "following": ((n,), np.uint8),
+        "since_plan": ((n,), np.int64),
+        "replans": ((n,), np.int64),
+    }
+    return {name: np.zeros(shape, dtype=dtype) for name, (shape, dtype) in shapes.items()}

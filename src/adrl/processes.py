@@ -1,0 +1,58 @@
+"""Processes of our own beside this one, each to be bound to a core. Spawned, never forked: JAX has threads."""
+
+import contextlib
+import os
+import subprocess
+import sys
+from typing import IO
+
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+"""Libraries that count the machine's cores, not those a process may use."""
+
+
+Process = subprocess.Popen[bytes]
+
+
+def usable_cores() -> list[int]:
+    """Numbers of the cores that this process may use."""
+    return sorted(os.sched_getaffinity(0))
+
+
+def start_module(module: str, *arguments: str, stdout: int | IO[bytes], stderr: int | None = None) -> Process:
+    """Start python -m module with an open pipe as its standard input.
+
+    The module takes the pipe's end for the end of its parent, and must call bind_to_core before it imports JAX.
+    stdout, stderr: as Popen takes them.
+    """
+    return subprocess.Popen(
+        [sys.executable, "-m", module, *arguments],
+        stdin=subprocess.PIPE,
+        env=os.environ | ONE_THREAD,
+        # Ctrl-C is for the parent, which then ends its children.
+        start_new_session=True,
+        stdout=stdout,
+        stderr=stderr,
+    )
+
+
+def bind_to_core(core: int) -> None:
+    """Bind this process to a core. Before JAX is imported: it starts a thread for each core it finds."""
+    os.sched_setaffinity(0, {core})
+
+
+def send(process: Process, line: bytes) -> None:
+    """Write a line to the process; nothing where it has ended, which its exit code tells."""
+    assert process.stdin is not None
+    with contextlib.suppress(BrokenPipeError):
+        process.stdin.write(line + b"\n")
+        process.stdin.flush()
+
+
+def close(process: Process) -> None:
+    """Kill the process if it runs, and close its pipes."""
+    process.kill()
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        if pipe is not None:
+            with contextlib.suppress(BrokenPipeError):
+                pipe.close()

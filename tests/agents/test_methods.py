@@ -1,0 +1,106 @@
+"""The registry of methods: what each one switches on, off, or leaves exactly as it was."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import resume_run
+from adrl.agents import checkpoint, networks
+from adrl.agents.backend import jnp
+from adrl.agents.config import Td3Config, TrainConfig
+from adrl.agents.methods import METHODS, method_config
+from adrl.agents.train import train
+from adrl.errors import UnknownName
+from adrl.imitation.probe import record_probe
+from adrl.imitation.schedule import ScheduleConfig
+from probe_envs import PLAIN, Aim, ProbeEnv, TwoSteps, Walk, record_demonstrations
+
+STEPS = 480
+
+
+def policy_bytes(out: Path, config: TrainConfig, *, expert: bool = True) -> bytes:
+    """The weights after a short run of config."""
+    demonstrations = resume_run.demonstrations() if expert else None
+    probe = record_probe(Walk(4), seed=7, max_steps=20) if expert else None
+    train(config, Walk(4), out, demonstrations=demonstrations, probe=probe)
+    return (out / "policy.safetensors").read_bytes()
+
+
+def test_without_imitation_adrl_is_rl_reward_and_with_static_weights_td3_to_the_byte(tmp_path: Path):
+    base = replace(resume_run.config(STEPS), reward=replace(PLAIN, scale=0.1))
+    released = replace(base.schedule, alpha_min=0.0, alpha_max=0.0, lambda_max=0.0)
+    ours = policy_bytes(tmp_path / "a", replace(method_config("adrl", base), schedule=released))
+    assert ours == policy_bytes(tmp_path / "b", method_config("rl-reward", base))
+    static = replace(method_config("adrl", base), schedule=released, dynamic_reward=False)
+    td3 = policy_bytes(tmp_path / "d", method_config("td3", base), expert=False)
+    assert policy_bytes(tmp_path / "c", static) == td3
+    assert policy_bytes(tmp_path / "e", method_config("adrl", base)) not in (ours, td3)
+
+
+def test_unknown_methods_are_refused_with_the_nearest():
+    with pytest.raises(UnknownName, match="adrl-clock"):
+        method_config("adrl_clock", TrainConfig())
+
+
+def test_methods_differ_and_say_what_they_are():
+    configs = {name: method_config(name, TrainConfig()) for name in METHODS}
+    assert len({repr(config) for config in configs.values()}) == len(METHODS)
+    for name, method in METHODS.items():
+        assert (method.__doc__ or "").strip(), name
+    imitating = {name for name, config in configs.items() if config.schedule.imitates}
+    assert imitating == METHODS.keys() - {"td3", "rl-reward"}
+    dynamic = {name for name, config in configs.items() if config.dynamic_reward}
+    assert dynamic == {name for name in METHODS if name.startswith("adrl")} | {"rl-reward"}
+
+
+def learn(method: str, env: ProbeEnv, out: Path, updates: int) -> TrainConfig:
+    td3 = Td3Config(widths=(32, 32), batch_size=64, bc_batch_size=32, gamma=0.9, polyak=0.05)
+    config = TrainConfig(
+        steps=updates // 4 * env.num_envs + 64,
+        start_steps=64,
+        pretrain_updates=100,
+        critic_warmup_updates=100,
+        exploration_std=(0.2, 0.8),
+        replay_capacity=10_000,
+        td3=td3,
+        schedule=ScheduleConfig(warmup_updates=100, rise_updates=300, smoothing_updates=50.0),
+        reward=PLAIN,
+    )
+    config = method_config(method, config)
+    # The six weights of the literal eq 16 make of the one term that pays here something that has no plain value.
+    config = replace(config, reward=replace(config.reward, eq16="corrected"))
+    demonstrations = record_demonstrations(type(env)(4), 200)
+    probe = record_probe(type(env)(4), seed=1, max_steps=20)
+    train(config, env, out, demonstrations=demonstrations, probe=probe)
+    return config
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_reaches_the_known_values(method: str, tmp_path: Path):
+    """TwoSteps: Q = 1 one step before the reward, gamma two before, whatever action and buffer."""
+    config = learn(method, TwoSteps(), tmp_path, 1000)
+    saved = checkpoint.load(tmp_path)
+    assert saved is not None
+    critics = jnp.asarray(saved.part("learner")["critics"])
+    observation = jnp.array([[1.0, 1.0], [0.0, 1.0]])
+    q1, q2 = networks.twin_critics(
+        critics, observation, jnp.full((2, 2), 0.5), networks.critic_sizes(2, config.td3.widths), True
+    )
+    for q in (q1, q2):
+        np.testing.assert_allclose(q, [1.0, 0.9], atol=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_finds_the_best_action(method: str, tmp_path: Path):
+    """Aim: the best action of each state is known, and is the expert's."""
+    learn(method, Aim(), tmp_path, 2000)
+    saved = checkpoint.load(tmp_path)
+    assert saved is not None
+    actor = jnp.asarray(saved.part("learner")["average_actor"])
+    states = jnp.array([[1.0, 1.0], [-1.0, 1.0]])
+    best = networks.actor(actor, states, networks.actor_sizes(2, (32, 32)))
+    np.testing.assert_allclose(best, [[0.6, -0.3], [-0.6, -0.3]], atol=0.12)

@@ -1,0 +1,158 @@
+"""Guidance replan in the simulator, with the policy that ships."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from adrl.api import default_policy_folder
+from adrl.deploy.policy import load_policy
+from adrl.envs import NavSim, NavVectorEnv
+from adrl.evaluation.rollout import Rollout, rollout
+from adrl.observation import EncoderConfig, in_robot_frame
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.types import RobotConfig, Task, World
+from adrl.worlds import robot_from_fields
+from core.arenas import box
+from env_tasks import OneTask, quiet, room, straight_task
+
+POLICY = load_policy(default_policy_folder())
+ROBOT = robot_from_fields(POLICY.config.robot)
+ENCODER = EncoderConfig(**POLICY.config.encoder)
+CONFIG = ReplannerConfig(cells=200)
+
+
+def task(world: World, start: tuple[float, float, float], goal: tuple[float, float]) -> Task:
+    """A task whose path, which no mapless robot uses, is the straight line."""
+    path = np.array([start[:2], goal])
+    return Task(
+        world=world, start=start, goal=goal, path=path, shortest_m=math.dist(*path), time_limit_s=60.0
+    )
+
+
+def u_trap() -> Task:
+    """The robot heads into a pocket between it and the goal."""
+    pocket = (box(1.0, 0.0, 0.06, 1.0), box(0.2, 0.95, 0.8, 0.06), box(0.2, -0.95, 0.8, 0.06))
+    world = dataclasses.replace(room(10.0), polygons=pocket)
+    return task(world, (-2.5, 0.0, 0.0), (3.0, 0.0))
+
+
+def run(given: Task, guidance: str, seed: int = 0) -> Rollout:
+    return rollout(
+        POLICY,
+        [given],
+        ROBOT,
+        guidance=guidance,
+        encoder=ENCODER,
+        replanner=CONFIG,
+        maturity=POLICY.config.maturity,
+        seed=seed,
+        num_threads=1,
+    )
+
+
+def test_a_trap_that_goal_guidance_never_leaves_is_left() -> None:
+    stuck, freed = run(u_trap(), "goal"), run(u_trap(), "replan")
+    assert not stuck.episodes.success[0]
+    assert stuck.replans[0] == 0
+    assert freed.episodes.success[0]
+    assert freed.replans[0] >= 1
+
+
+def test_a_moving_obstacle_that_stops_in_the_way_is_driven_round() -> None:
+    """A disc comes from the side and stops in the middle of the straight way."""
+    disc = [0.0, 3.0, 0.0, 0.0, 0.5, 1.0, 0.0, 3.0]
+    world = dataclasses.replace(room(10.0), discs=np.array([disc]))
+    driven = run(task(world, (-3.0, 0.0, 0.0), (3.0, 0.0)), "replan")
+    assert driven.episodes.success[0]
+
+
+def test_what_has_not_been_seen_does_not_matter() -> None:
+    """Behind the pocket's back wall the world may be anything: the same scans give the same waypoints."""
+    plain = u_trap()
+    hidden = dataclasses.replace(plain.world, circles=np.array([[3.0, 2.2, 0.3], [2.0, -0.3, 0.4]]))
+    tracks = []
+    for world in (plain.world, hidden):
+        sim = NavSim(1, ROBOT, guidance="replan", encoder=ENCODER, replanner=CONFIG)
+        inside = dataclasses.replace(plain, world=world, start=(0.6, 0.0, 0.0))
+        sim.reset(np.array([0]), [inside], np.array([1], dtype=np.uint64), np.random.default_rng(0))
+        track = []
+        for _ in range(28):
+            sim.step(np.array([[-1.0, 0.0]], dtype=np.float32))
+            track.append(sim.b["waypoint"][0].copy())
+        assert sim.replanner is not None
+        assert sim.replanner.replans[0] == 1
+        tracks.append(track)
+    np.testing.assert_array_equal(*tracks)
+
+
+def test_the_observation_shows_the_waypoint_from_the_odometry() -> None:
+    sim = NavSim(1, ROBOT, guidance="replan", encoder=ENCODER, replanner=CONFIG)
+    start = dataclasses.replace(u_trap(), start=(0.6, 0.0, 0.0))
+    sim.reset(np.array([0]), [start], np.array([1], dtype=np.uint64), np.random.default_rng(0))
+    for _ in range(25):
+        sim.step(np.array([[-1.0, 0.2]], dtype=np.float32))
+    goal = in_robot_frame(sim.b["odometry"], sim.b["waypoint"])
+    shown = sim.encoder.encode(sim.b["ranges"], goal, sim.b["twist"], sim._last_action)
+    np.testing.assert_array_equal(sim.observe(), shown)
+    assert not np.array_equal(sim.b["waypoint"][0], start.goal)
+
+
+def test_only_the_goal_itself_ends_an_episode() -> None:
+    """A robot that drives over its waypoints has not arrived."""
+    given = u_trap()
+    robot = quiet(ROBOT)
+    env = NavVectorEnv(
+        1, scenario=OneTask(given), robot=robot, guidance="replan", randomize=False, replanner=CONFIG
+    )
+    observation, _ = env.reset(seed=0)
+    waypoints, places = [], []
+    terminated = np.zeros(1, dtype=bool)
+    while not terminated[0]:
+        waypoints.append(env.sim.b["waypoint"][0].copy())
+        places.append(env.sim.b["pose"][0, :2].copy())
+        observation, _, terminated, truncated, info = env.step(POLICY.act(observation))
+        assert not truncated[0]
+        assert terminated[0] == info["success"][0]
+    goals = np.hypot(*(np.array(waypoints) - given.goal).T) < 1e-9
+    assert (~goals).sum() > 20
+    # The track leads within an arrival's distance of points that were waypoints.
+    gaps = np.hypot(*(np.array(waypoints)[~goals, None] - np.array(places)[None]).transpose(2, 0, 1))
+    assert gaps.min() < given.goal_tolerance_m
+
+
+def test_approach_rewards_of_a_straight_run_are_those_of_guidance_goal() -> None:
+    robot = quiet(RobotConfig())
+    rewards = []
+    for guidance in ("goal", "replan"):
+        env = NavVectorEnv(
+            1, scenario=OneTask(straight_task(robot)), robot=robot, guidance=guidance, randomize=False
+        )
+        env.reset(seed=0)
+        rewards.append([env.step(np.array([[1.0, 0.1]], np.float32))[4]["reward_terms"][0] for _ in range(8)])
+    np.testing.assert_allclose(*rewards, rtol=1e-5)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_resumed_equals_never_stopped(threads: int) -> None:
+    def make() -> NavVectorEnv:
+        return NavVectorEnv(
+            4, scenario="complex", guidance="replan", task_pool=2, replanner=CONFIG, num_threads=threads
+        )
+
+    env, other = make(), make()
+    observation, _ = env.reset(seed=3)
+    for _ in range(50):
+        observation = env.step(POLICY.act(observation))[0]
+    other.set_state(env.state())
+    for _ in range(20):
+        action = POLICY.act(observation)
+        a, b = env.step(action), other.step(action)
+        observation = a[0]
+        for x, y in zip(a[:4], b[:4], strict=True):
+            np.testing.assert_array_equal(x, y)
+    state, twin = env.state(), other.state()
+    assert state["replanner.replans"].sum() > 0
+    for name, array in state.items():
+        np.testing.assert_array_equal(array, twin[name], err_msg=name)

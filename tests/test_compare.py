@@ -1,0 +1,259 @@
+"""adrl compare: the order of its jobs, its numbers, and what it does when it is stopped and asked again."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from adrl.agents.config import Td3Config, TrainConfig
+from adrl.agents.methods import METHODS
+from adrl.baselines import SB3_METHODS
+from adrl.comparison.compare import compare
+from adrl.comparison.config import CompareConfig, differences, from_document
+from adrl.comparison.jobs import all_jobs
+from adrl.comparison.results import Run, markdown, method_rows
+from adrl.errors import AdrlError, ConfigError, UnknownName
+from adrl.evaluation.metrics import SAMPLES, Episodes
+from adrl.evaluation.statistics import probability_of_improvement, seed_iqm, seed_mean
+from adrl.types import LidarConfig, RobotConfig
+from small_run import contents, run_cli
+
+SIZES = (
+    *("--steps", "2048", "--demonstration-steps", "1024", "--task-pool", "8", "--num-envs", "32"),
+    *("--pretrain-updates", "8", "--critic-warmup-updates", "8", "--start-steps", "512"),
+    *("--td3.widths", "16", "16", "--log-interval-steps", "1024", "--eval-interval-steps", "1024"),
+    *("--validation-episodes", "2", "--episodes", "6"),
+)
+BUDGET = TrainConfig(steps=1000)
+METRICS = ("success", "collision", "timeout")
+
+
+class TestConfig:
+    def test_jobs_are_seed_major_behind_the_reference(self) -> None:
+        """All methods with one seed before any with the next: a slow hour hits them alike."""
+        config = CompareConfig(methods="adrl,td3", seeds=3, learner=replace(BUDGET, seed=5))
+        reference, *jobs = all_jobs(config)
+        assert (reference.name, reference.seed) == ("astar-dwa", None)
+        assert [job.name for job in jobs] == [f"{m}-s{s}" for s in (5, 6, 7) for m in ("adrl", "td3")]
+
+    def test_methods_and_guidance_are_listed_once(self) -> None:
+        assert CompareConfig(methods="td3, adrl,td3").method_names == ("td3", "adrl")
+        assert CompareConfig(methods="all").method_names == tuple(METHODS)
+        assert CompareConfig(methods="sb3-td3,all").method_names == ("sb3-td3", *METHODS)
+        assert CompareConfig(eval_guidance="map,goal,map").guidance_names == ("map", "goal")
+        assert CompareConfig(guidance="map").guidance_names == ("map",)
+
+    def test_all_methods_share_the_options_of_the_run(self) -> None:
+        config = CompareConfig(methods="all", scenario="complex", guidance="map", num_envs=8, learner=BUDGET)
+        for method in (*METHODS, *SB3_METHODS):
+            run = config.run(method, 4, Path("here"))
+            assert (run.scenario, run.guidance, run.num_envs, run.learner.steps) == (
+                "complex",
+                "map",
+                8,
+                1000,
+            )
+            assert (run.learner.seed, run.out, run.resume) == (4, Path("here"), True)
+            assert run.method == (method if method in METHODS else "td3")
+
+    @pytest.mark.parametrize(
+        ("options", "error"),
+        [
+            ({"methods": "adlr"}, UnknownName),
+            ({"methods": " , "}, ConfigError),
+            ({"eval_guidance": "gaol"}, UnknownName),
+            ({"seeds": 0}, ConfigError),
+            ({"episodes": 0}, ConfigError),
+            ({"workers": -1}, ConfigError),
+        ],
+    )
+    def test_bad_options_are_refused(self, options: dict[str, Any], error: type[AdrlError]) -> None:
+        with pytest.raises(error):
+            CompareConfig(**options)
+
+    def test_a_run_without_an_end_is_refused(self, tmp_path: Path) -> None:
+        with pytest.raises(ConfigError, match="--max-seconds"):
+            compare(CompareConfig(out=tmp_path / "out"))
+        assert not (tmp_path / "out").exists()
+
+    @pytest.mark.parametrize(
+        "config",
+        [
+            CompareConfig(),
+            CompareConfig(
+                methods="td3",
+                map=Path("map.yaml"),
+                robot=RobotConfig(
+                    name="box",
+                    radius_m=None,
+                    footprint_m=((-0.2, -0.1), (0.2, -0.1), (0.2, 0.1), (-0.2, 0.1)),
+                    lidar=LidarConfig(num_beams=7),
+                ),
+                learner=TrainConfig(max_seconds=1.5, td3=Td3Config(widths=(8,)), exploration_std=(0.1, 0.2)),
+            ),
+        ],
+    )
+    def test_what_a_worker_reads_is_what_was_asked_for(self, config: CompareConfig) -> None:
+        assert from_document(json.loads(json.dumps(config.document()))) == config
+
+    def test_settings_leave_out_what_may_be_added(self) -> None:
+        config = CompareConfig(methods="td3", seeds=2, learner=BUDGET)
+        more = replace(config, methods="all", seeds=4, workers=1, learner=replace(BUDGET, seed=9))
+        assert differences(config.settings(), more.settings()) == []
+        assert differences(config.settings(), replace(config, scenario="clutter").settings()) == []
+        other = replace(config, episodes=7, learner=replace(BUDGET, td3=Td3Config(gamma=0.9)))
+        lines = differences(config.settings(), other.settings())
+        assert lines == ["learner.td3.gamma: 0.98 there, 0.9 here", "episodes: 500 there, 7 here"]
+
+
+def fake_runs(method: str, successes: list[float], seconds: list[float]) -> list[Run]:
+    summary = {"guidance": "goal", **dict.fromkeys(("collision", "timeout"), 0.0), "spl": 0.5}
+    summary |= {"distance_m": None, "time_s": 4.0, "optimality": 1.1}
+    summary |= {"train_seconds": 60.0, "env_steps": 10, "gradient_updates": 20}
+    return [
+        Run(method, seed, summary | {"success": success}, to_90)
+        for seed, (success, to_90) in enumerate(zip(successes, seconds, strict=True))
+    ]
+
+
+class TestRows:
+    def test_the_seed_is_the_unit(self) -> None:
+        ours, theirs = [0.9, 0.95, 1.0, 0.7], [0.8, 0.9, 0.95, 0.1]
+        endless = [np.inf] * 4
+        rows = method_rows(
+            fake_runs("adrl", ours, [10.0, 30.0, 20.0, np.inf]) + fake_runs("td3", theirs, endless)
+        )
+        first, second = rows
+        for row, scores in ((first, ours), (second, theirs)):
+            for name, interval in (("success", seed_mean(scores)), ("success_iqm", seed_iqm(scores))):
+                assert [row[name + end] for end in ("", "_low", "_high")] == list(interval)
+            assert (row["seeds"], row["success_worst"]) == (4, min(scores))
+        expected = probability_of_improvement(ours, theirs)
+        assert [second["improvement" + end] for end in ("", "_low", "_high")] == list(expected)
+        assert first["improvement"] is None, "a method is not compared with itself"
+        assert (first["seconds_to_90"], first["seeds_to_90"]) == (25.0, 3)
+        assert (second["seconds_to_90"], second["seeds_to_90"]) == (None, 0)
+        assert second["distance_m"] is None
+        json.dumps(rows, allow_nan=False)
+
+    def test_never_reaching_90_and_never_measuring_it_look_different(self) -> None:
+        never = method_rows(fake_runs("td3", [0.1, 0.2], [np.inf, np.inf]))
+        unknown = method_rows(fake_runs("td3", [0.1, 0.2], [np.nan, np.nan]))
+        assert " >budget " in markdown(never, "title")
+        assert ">budget" not in markdown(unknown, "title")
+
+
+def start(*arguments: object) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "adrl.cli", "compare", *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, text=True)
+
+
+def workers_of(pid: int) -> list[int]:
+    """Processes that this one started and that run."""
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def gone(pid: int) -> bool:
+    """Whether a process has ended; one that nobody waited for is a zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] in "ZX"
+    except FileNotFoundError:
+        return True
+
+
+def wait_for(condition: Any, seconds: float) -> None:
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "waited in vain"
+        time.sleep(0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_a_killed_comparison_goes_on_without_repeating_anything(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    options = ("--methods", "adrl,td3", "--seeds", 2, *SIZES, "--out", out)
+    process = start(*options)
+    wait_for(lambda: len(list(out.glob("*-s*/summary.json"))) >= 1, 120)
+    wait_for(lambda: workers_of(process.pid), 60)
+    workers = workers_of(process.pid)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    wait_for(lambda: all(map(gone, workers)), 10)
+
+    finished = [path.parent for path in out.glob("*/summary.json")]
+    before = {folder: contents(folder) for folder in finished}
+    assert 1 <= len(finished) < 5, "nothing was left to do"
+    assert run_cli("compare", *options) == 0
+    assert {folder: contents(folder) for folder in finished} == before
+    names = {"adrl-s0", "td3-s0", "adrl-s1", "td3-s1", "astar-dwa"}
+    assert {path.parent.name for path in out.glob("*/summary.json")} == names
+    assert not list(out.rglob("*.tmp"))
+
+    whole = contents(out)
+    assert run_cli("compare", *options, "--episodes", 5) == 2
+    error = capsys.readouterr().err
+    assert "episodes: 6 there, 5 here" in error
+    assert contents(out) == whole, "a refusal touches nothing"
+    check_results(out)
+    assert json.loads((out / "results.json").read_text())["missing"] == []
+
+
+def check_results(out: Path) -> None:
+    """The tables hold what the episodes of each seed give."""
+    rows = {row["method"]: row for row in json.loads((out / "results.json").read_text())["rows"]}
+    table = pq.ParquetFile(out / "episodes.parquet").read()
+    assert table.column_names[:3] == ["method", "seed", "guidance"]
+    whose = np.array(table.column("method").to_pylist())
+    seeds = np.array([-1 if seed is None else seed for seed in table.column("seed").to_pylist()])
+    tasks = []
+    for method in ("adrl", "td3"):
+        runs = [Episodes.from_table(table.filter((whose == method) & (seeds == seed))) for seed in (0, 1)]
+        tasks += [run.goal_xy_m for run in runs]
+        for name in METRICS:
+            expected = seed_mean([getattr(run, name).mean() for run in runs])
+            assert [rows[method][name + end] for end in ("", "_low", "_high")] == pytest.approx(
+                list(expected)
+            )
+        assert rows[method]["spl"] == pytest.approx(np.mean([SAMPLES["spl"](run).mean() for run in runs]))
+        text = next(x for x in (out / "table.md").read_text().splitlines() if x.startswith(f"| {method} "))
+        assert f"{100 * rows[method]['success']:.1f}" in text
+        assert rows[method]["env_steps"] == 2048
+    reference = Episodes.from_table(table.filter(whose == "astar-dwa"))
+    assert rows["astar-dwa"]["success"] == reference.success.mean()
+    assert all(np.array_equal(goals, reference.goal_xy_m) for goals in tasks), "all drive the same tasks"
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_a_failed_job_is_named_and_the_others_go_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, missing = tmp_path / "out", tmp_path / "no-such-dataset"
+    options = ("--methods", "adrl,td3", "--seeds", 1, *SIZES, "--dataset", missing, "--out", out)
+    assert run_cli("compare", *options) == 1
+    shown = capsys.readouterr().err.replace("\n", "")
+    assert "failed: adrl-s0" in shown
+    assert str(missing) in (out / "logs" / "adrl-s0.log").read_text()
+    results = json.loads((out / "results.json").read_text())
+    assert [row["method"] for row in results["rows"]] == ["td3", "astar-dwa"]
+    assert results["missing"] == ["adrl-s0"]
+    assert "adrl-s0" in (out / "table.md").read_text()
+
+
+def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "thesis.txt").write_text("mine")
+    with pytest.raises(ConfigError, match="something else"):
+        compare(CompareConfig(learner=BUDGET, out=tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
