@@ -39,6 +39,21 @@ inline double wrap_angle(double angle) {
     return wrapped <= -std::numbers::pi ? std::numbers::pi : wrapped;
 }
 
+// Arc tangent of y / x in (-pi, pi] to 2e-5 rad, without branches so that a loop over it becomes vector code.
+// Minimax polynomial on [0, 1] (Abramowitz and Stegun 4.4.49 form), reflected into the other octants.
+ADRL_INLINE double rough_atan2(double y, double x) {
+    const double ax = std::abs(x);
+    const double ay = std::abs(y);
+    const double high = ax > ay ? ax : ay;
+    const double low = ax > ay ? ay : ax;
+    const double q = low / (high + 1e-300);
+    const double q2 = q * q;
+    double angle = q * (0.9998660 + q2 * (-0.3302995 + q2 * (0.1801410 + q2 * (-0.0851330 + q2 * 0.0208351))));
+    angle = ay > ax ? 0.5 * std::numbers::pi - angle : angle;
+    angle = x < 0.0 ? std::numbers::pi - angle : angle;
+    return y < 0.0 ? -angle : angle;
+}
+
 // A point given in the frame of `pose`, in the world.
 inline Vec2 to_world(const Pose &pose, Vec2 local) {
     const double c = std::cos(pose.theta);

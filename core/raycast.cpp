@@ -19,21 +19,6 @@ constexpr double kParallel = 1e-9;
 // Obstacles are handled in chunks of this many, so that scratch space stays on the stack.
 constexpr int kChunk = 64;
 
-// Arc tangent of y / x in (-pi, pi] to 2e-5 rad, without branches so that a loop over it becomes vector code.
-// Minimax polynomial on [0, 1] (Abramowitz and Stegun 4.4.49 form), reflected into the other octants.
-ADRL_INLINE double rough_atan2(double y, double x) {
-    const double ax = std::abs(x);
-    const double ay = std::abs(y);
-    const double high = ax > ay ? ax : ay;
-    const double low = ax > ay ? ay : ax;
-    const double q = low / (high + 1e-300);
-    const double q2 = q * q;
-    double angle = q * (0.9998660 + q2 * (-0.3302995 + q2 * (0.1801410 + q2 * (-0.0851330 + q2 * 0.0208351))));
-    angle = ay > ax ? 0.5 * kPi - angle : angle;
-    angle = x < 0.0 ? kPi - angle : angle;
-    return y < 0.0 ? -angle : angle;
-}
-
 // The sensor's frame: obstacles are brought into it once instead of turning every beam.
 struct Frame {
     double x, y, c, s;

@@ -57,6 +57,22 @@ def shorten_path(blocked: U8, cells: I32) -> F64:
 def integrate(poses: F64, twists: F64, dt_s: float) -> F64:
     """Exact arcs: (N, 3) poses, (N, 2) twists -> (N, 3) poses."""
 
+class MotionCue:
+    """Compares two scans of a fan of beams; see adrl.motion. Stateless: any number of robots share one."""
+    def __init__(
+        self,
+        num_beams: int,
+        angle_min_rad: float,
+        angle_increment_rad: float,
+        mount: tuple[float, float, float],
+        max_range_m: float,
+        num_sectors: int,
+        margin_m: float,
+        scale_m: float,
+    ) -> None: ...
+    def compute(self, ranges: F32, poses: F64, past_ranges: F32, past_poses: F64, out: F32) -> None:
+        """(N, K) ranges and (N, 3) robot poses, now and in the past -> out (N, num_sectors)."""
+
 NUM_PARAMS: int
 """Columns of BatchSim's params: speed gain, yaw gain, acceleration, yaw acceleration, lag_s, latency_s, range noise,
 dropout probability, relative odometry error of speed and of yaw rate."""

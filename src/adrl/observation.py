@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.errors import ConfigError
+from adrl.motion import ScanHistory, motion_cue
 from adrl.types import Array, RobotConfig
 
 F32 = NDArray[np.float32]
@@ -14,6 +15,7 @@ F32 = NDArray[np.float32]
 GOAL_FEATURES = 4
 TWIST_FEATURES = 2
 ACTION_FEATURES = 2
+MAX_HISTORY_STEPS = 50
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +28,8 @@ class EncoderConfig:
     """Range in m at which the logarithmic scale turns: gaps of this size and below get most of the resolution."""
     goal_scale_m: float = 1.0
     """Same for the distance to the goal, m."""
+    history_steps: int = 0
+    """Control periods between the two scans whose comparison adds num_sectors motion cues (adrl.motion); 0 for none."""
 
     def __post_init__(self) -> None:
         if not 4 <= self.num_sectors <= 2048:
@@ -34,6 +38,10 @@ class EncoderConfig:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise ConfigError(f"encoder.{name} is {value}; give a positive number")
+        if not 0 <= self.history_steps <= MAX_HISTORY_STEPS:
+            raise ConfigError(
+                f"encoder.history_steps is {self.history_steps}; give 0 to {MAX_HISTORY_STEPS} control periods"
+            )
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +63,10 @@ class Mirror:
 
 
 class ObservationEncoder:
-    """(N, K) ranges, goals, twists and last actions -> (N, D) float32, D = num_sectors + 8."""
+    """(N, K) ranges, goals, twists and last actions -> (N, D) float32, D = num_sectors + 8.
+
+    With motion cues D = 2 num_sectors + 8, and encode() takes the ScanHistory of the robots.
+    """
 
     def __init__(self, robot: RobotConfig, config: EncoderConfig | None = None) -> None:
         self.config = config or EncoderConfig()
@@ -71,11 +82,14 @@ class ObservationEncoder:
         self._extent = footprint_extent(robot, centres).astype(np.float32)
         self._log_scale = np.float32(1.0 / math.log1p(robot.lidar.max_range_m / self.config.near_m))
         self._inverse_near = np.float32(1.0 / self.config.near_m)
+        steps = self.config.history_steps
+        self._motion = motion_cue(robot, sectors, steps) if steps > 0 else None
 
     @property
     def size(self) -> int:
         """D, the length of an observation."""
-        return self.config.num_sectors + GOAL_FEATURES + TWIST_FEATURES + ACTION_FEATURES
+        cues = self.config.num_sectors if self._motion is not None else 0
+        return self.config.num_sectors + GOAL_FEATURES + TWIST_FEATURES + ACTION_FEATURES + cues
 
     @property
     def mirror(self) -> Mirror | None:
@@ -88,6 +102,7 @@ class ObservationEncoder:
             return None
         order, sign = np.arange(self.size), np.ones(self.size, np.float32)
         order[:sectors] = order[:sectors][::-1]
+        order[sectors + 8 :] = order[sectors + 8 :][::-1]  # motion cues
         sign[[sectors + 1, sectors + 5, sectors + 7]] = -1.0  # the goal's y, both yaw rates
         return Mirror(order, sign)
 
@@ -96,12 +111,15 @@ class ObservationEncoder:
         """No number of a simulated observation is further from 0: robots drive below twice the speed told."""
         return 2.0 * max(1.0, -self.robot.min_speed_mps / self.robot.max_speed_mps)
 
-    def encode(self, ranges: F32, goal: Array, twist: Array, last_action: F32) -> F32:
+    def encode(
+        self, ranges: F32, goal: Array, twist: Array, last_action: F32, history: ScanHistory | None = None
+    ) -> F32:
         """Encode N robots.
 
         ranges (N, K) metres; goal (N, 2) metres, in the robot's frame; twist (N, 2) m/s, rad/s; last_action
         (N, 2). Each sector: 0 at contact, just below 1 at the LiDAR's greatest range, logarithmic between. A
-        sector no beam falls in reads the greatest range.
+        sector no beam falls in reads the greatest range. history: of the same scans, its newest being ranges; only
+        motion cues need it.
         """
         sectors = self.config.num_sectors
         out = np.empty((len(ranges), self.size), dtype=np.float32)
@@ -122,7 +140,11 @@ class ObservationEncoder:
         out[:, sectors + 3] = np.minimum(0.1 * distance, 1.0)
         out[:, sectors + 4] = twist[:, 0] / self.robot.max_speed_mps
         out[:, sectors + 5] = twist[:, 1] / self.robot.max_yaw_rate_radps
-        out[:, sectors + 6 :] = last_action
+        out[:, sectors + 6 : sectors + 8] = last_action
+        if self._motion is not None:
+            if history is None:
+                raise ValueError("an encoder with motion cues needs the history of the scans")
+            out[:, sectors + 8 :] = history.cues(self._motion, sectors)
         return out
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from adrl import _core
 from adrl.envs.randomization import NOMINAL, Randomization, draw_params
 from adrl.errors import UnknownName
+from adrl.motion import ScanHistory
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
@@ -85,6 +86,8 @@ class NavSim:
         self._last_action = np.zeros((num_envs, 2), dtype=np.float32)
         self._displacements = np.zeros((num_envs, STAGNATION_WINDOW))
         self._features = np.zeros((num_envs, 3), dtype=np.float32)
+        steps = self.encoder.config.history_steps
+        self._history = ScanHistory(num_envs, robot.lidar.num_beams, steps) if steps > 0 else None
 
     @property
     def num_threads(self) -> int:
@@ -116,6 +119,8 @@ class NavSim:
         self.b["active"][indices] = 1
         self._last_action[indices] = to_action(np.zeros((1, 2)), self.robot)
         self.native.reset(mask)
+        if self._history is not None:
+            self._history.begin(indices, self.b["ranges"], self.b["odometry"])
         if self.replanner is not None:
             goals = np.array([task.goal for task in tasks]).reshape(-1, 2)
             self.replanner.reset(indices, goals, self.b["odometry"][indices])
@@ -130,7 +135,7 @@ class NavSim:
         # A known map comes with localisation; mapless robots only have their odometry.
         pose = b["pose"] if self.guidance == "map" else b["odometry"]
         goal = in_robot_frame(pose, b["waypoint"])
-        return self.encoder.encode(b["ranges"], goal, b["twist"], self._last_action)
+        return self.encoder.encode(b["ranges"], goal, b["twist"], self._last_action, self._history)
 
     def step(self, actions: F32) -> Outcome:
         """Execute (N, 2) normalised actions for one control period on every active robot."""
@@ -142,6 +147,8 @@ class NavSim:
         self._last_action = np.clip(actions, -1.0, 1.0).astype(np.float32)
         b["command"][:] = to_twist(actions, self.robot)
         self.native.step()
+        if self._history is not None:
+            self._history.add(b["ranges"], b["odometry"])
         if self.replanner is not None:
             b["waypoint"][:] = before_waypoint  # the step is judged by the point it was driven for
         moved = np.hypot(*(b["pose"][:, :2] - before_pose[:, :2]).T)
@@ -187,6 +194,8 @@ class NavSim:
             "features": self._features,
             "time_limit_s": self._time_limit_s,
         }
+        if self._history is not None:
+            own |= self._history.arrays
         if self.replanner is not None:
             own |= {f"replanner.{name}": array for name, array in self.replanner.state().items()}
         return {name: array.copy() for name, array in (self.b | own).items()}
@@ -199,6 +208,9 @@ class NavSim:
         self._displacements = state["displacements"].copy()
         self._features = state["features"].copy()
         self._time_limit_s[:] = state["time_limit_s"]
+        if self._history is not None:
+            for name, array in self._history.arrays.items():
+                array[:] = state[name]
         if self.replanner is not None:
             prefix = "replanner."
             own = {

@@ -12,6 +12,7 @@ from adrl.worlds.dynamic import Dynamic
 from adrl.worlds.map_scenario import MapScenario
 from adrl.worlds.registry import look_up
 from adrl.worlds.robots import ROBOTS, load_robot, robot_from_fields
+from adrl.worlds.rooms import Rooms
 from adrl.worlds.ros_map import load_map
 from adrl.worlds.sdf import load_sdf
 from adrl.worlds.sdf_scenario import SdfScenario
@@ -21,6 +22,7 @@ SCENARIOS: dict[str, Scenario] = {
     "clutter": Clutter(),
     "complex": Complex(),
     "dynamic": Dynamic(),
+    "rooms": Rooms(),
 }
 
 __all__ = [

@@ -1,0 +1,70 @@
+"""What moves around a robot: scans of the last control periods, and the comparison of the newest with the oldest."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl import _core
+from adrl.types import Array, RobotConfig
+
+F32 = NDArray[np.float32]
+
+ROUNDING_M = 0.02
+"""Apparent motion of still surfaces between beams; three standard deviations of the range noise come on top."""
+
+
+class ScanHistory:
+    """Scans and odometry of N robots over the last `steps` control periods, in one ring for all of them.
+
+    begin() for a robot whose episode begins, add() once for every new scan. `arrays` is all that changes.
+    """
+
+    def __init__(self, num_envs: int, num_beams: int, steps: int) -> None:
+        self.arrays: dict[str, NDArray[Any]] = {
+            "past_ranges": np.zeros((steps + 1, num_envs, num_beams), dtype=np.float32),
+            "past_odometry": np.zeros((steps + 1, num_envs, 3)),
+            "newest": np.zeros(1, dtype=np.int64),
+        }
+
+    def begin(self, indices: NDArray[np.intp], ranges: F32, odometry: Array) -> None:
+        """As if robots `indices` (M,) had stood still so far, seeing this: rows of (N, K) ranges, (N, 3) odometry."""
+        self.arrays["past_ranges"][:, indices] = ranges[indices]
+        self.arrays["past_odometry"][:, indices] = odometry[indices]
+
+    def add(self, ranges: F32, odometry: Array) -> None:
+        """The scans (N, K) of a new control period, and the odometry (N, 3) at which they were taken."""
+        newest = self.arrays["newest"]
+        newest[0] = (newest[0] + 1) % len(self.arrays["past_ranges"])
+        self.arrays["past_ranges"][newest[0]] = ranges
+        self.arrays["past_odometry"][newest[0]] = odometry
+
+    def cues(self, motion: "_core.MotionCue", num_sectors: int) -> F32:
+        """(N, num_sectors) what has moved between the oldest scan and the newest; see motion_cue."""
+        ranges, odometry = self.arrays["past_ranges"], self.arrays["past_odometry"]
+        newest = int(self.arrays["newest"][0])
+        oldest = (newest + 1) % len(ranges)
+        out = np.empty((ranges.shape[1], num_sectors), dtype=np.float32)
+        motion.compute(ranges[newest], odometry[newest], ranges[oldest], odometry[oldest], out)
+        return out
+
+
+def motion_cue(robot: RobotConfig, num_sectors: int, steps: int) -> "_core.MotionCue":
+    """The comparison of two scans `steps` control periods apart, a number in [-1, 1] a sector.
+
+    Negative: something has come. The sector's nearest hits lie where the past scan saw free space, and this much of it
+    they have taken, in units of the way the robot drives at full speed in that time. Positive: what was seen there has
+    gone, and this much has become free. 0: nothing moved, or an obstacle hid it. The robot's own motion is taken out
+    by its odometry, so that still surroundings read 0 up to noise while it drives and turns.
+    """
+    lidar = robot.lidar
+    return _core.MotionCue(
+        lidar.num_beams,
+        lidar.angle_min_rad,
+        lidar.angle_increment_rad,
+        (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad),
+        lidar.max_range_m,
+        num_sectors,
+        ROUNDING_M + 3.0 * lidar.noise_std_m,
+        steps * robot.control_period_s * robot.max_speed_mps,
+    )
