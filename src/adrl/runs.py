@@ -35,7 +35,7 @@ from adrl.worlds.place import Place
 if TYPE_CHECKING:
     from adrl.agents.train import Progress, TrainResult
 
-PROBE_STARTS = 128
+PROBE_STARTS = 64
 VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "gymnasium", "safetensors")
 
 

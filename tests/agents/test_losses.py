@@ -177,12 +177,12 @@ def test_the_returned_actor_survives_the_next_update():
 
 
 def test_the_averaged_actor_forgets_its_start():
-    """Polynomial-decay averaging by hand: share 9 / (t + 8) of the t-th actor, 1 of the first."""
+    """Polynomial-decay averaging by hand: share 4 / (t + 3) of the t-th actor, 1 of the first."""
     update, state = make_update(SHAPE), fresh()
     expected = np.zeros_like(np.asarray(state.actor))
     for t in range(1, 7):
         state, actor, _ = update(state, random_batch(t, (1, 2)), None, PLAIN)
-        expected += 9.0 / (t + 8.0) * (np.asarray(actor) - expected)
+        expected += 4.0 / (t + 3.0) * (np.asarray(actor) - expected)
     assert np.abs(expected - np.asarray(state.actor)).max() > 1e-4
     assert_allclose(state.average_actor, expected, rtol=1e-4, atol=1e-6)
 

@@ -85,9 +85,9 @@ class TrainConfig:
     """Transitions kept; about 0.4 kB each."""
     start_steps: int = 2048
     """Environment steps before the first online update."""
-    pretrain_updates: int = 1000
+    pretrain_updates: int = 500
     """Updates on demonstrations alone before the first environment step; the actor only clones."""
-    critic_warmup_updates: int = 500
+    critic_warmup_updates: int = 0
     """Online updates during which the actor only clones: a cold critic would undo what was cloned."""
     exploration_std: tuple[float, float] = (0.05, 0.4)
     """Standard deviation of the action noise of the first and of the last robot; evenly spaced between."""
@@ -95,7 +95,7 @@ class TrainConfig:
     """Weigh the reward by today's S (eqs 14-17); if not, by static_maturity."""
     static_maturity: float = 0.5
     """S of the reward weights where they are static."""
-    failure_share: float = 0.06
+    failure_share: float = 0.08
     """Share of the online rows of a batch that come from the last second before a failure. They would be rare: a
     policy that nearly always arrives forgets how near is too near."""
     mirror: bool = True

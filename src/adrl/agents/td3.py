@@ -21,7 +21,7 @@ from adrl.rewards import RewardConfig
 Array = jax.Array
 
 BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-8
-AVERAGE_POWER = 8.0
+AVERAGE_POWER = 3.0
 """eta of polynomial-decay averaging (Shamir and Zhang 2013): step t takes a share (1 + eta) / (t + eta)."""
 
 
@@ -103,7 +103,7 @@ def make_update(shape: Shape) -> Update:
             state.actor, state.critics, batch.observation, expert, weights, shape
         )
         actor, adam = _adam(state.actor, gradient, state.actor_adam, shape.td3.actor_learning_rate)
-        # At first over the last ninth of the steps or so, so that the poor start is forgotten; then exponential.
+        # At first over the last quarter of the steps or so, so that the poor start is forgotten; then exponential.
         share = jnp.maximum(shape.td3.actor_average, (1.0 + AVERAGE_POWER) / (adam.steps + AVERAGE_POWER))
         average = state.average_actor + share * (actor - state.average_actor)
         return state._replace(actor=actor, actor_adam=adam, average_actor=average)

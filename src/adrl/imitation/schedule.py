@@ -30,17 +30,17 @@ class ScheduleConfig:
     """Share of expert rows in a batch that is never released."""
     alpha_max: float = 0.5
     """Share of expert rows at S = 0. Near 1 learning is offline: the critic never sees its mistakes."""
-    k_alpha: float = 8.0
+    k_alpha: float = 16.0
     """k_alpha of eq 3: how sharply alpha falls with S."""
     b_alpha: float = 4.0
     """b_alpha of eq 3: alpha is half released at S = b_alpha / k_alpha."""
-    lambda_max: float = 0.5
+    lambda_max: float = 0.3
     """lambda_max of eq 5: weight of cloning beside the normalised Q at S = 0."""
-    k_q: float = 4.0
+    k_q: float = 12.0
     """k_q of eq 5: lambda falls by exp(-k_q) from S = 0 to S = 1."""
-    warmup_updates: int = 500
+    warmup_updates: int = 0
     """Updates during which S stays 0: the critic starts cold and its values mean nothing yet."""
-    smoothing_updates: float = 400.0
+    smoothing_updates: float = 200.0
     """Time constant of the exponential moving average over measured maturities."""
     rise_updates: float = 3000.0
     """Updates that S takes at the least from 0 to 1."""
