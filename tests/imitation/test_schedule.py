@@ -65,10 +65,10 @@ def test_an_expert_no_better_than_chance_measures_nothing():
     assert measured_maturity(5.0, Bounds(1.0, 0.0)) == 0.0
 
 
-def run(values: list[float]) -> list[float]:
+def run(values: list[float], config: ScheduleConfig = CONFIG) -> list[float]:
     state, out = MaturityState(), []
     for value in values:
-        state = update(state, value, Bounds(0.0, 1.0), DT, CONFIG)
+        state = update(state, value, Bounds(0.0, 1.0), DT, config)
         out.append(state.maturity)
     return out
 
@@ -82,10 +82,9 @@ def test_maturity_is_bounded_and_its_rate_limited(values: list[float]):
 
 
 def test_maturity_stays_zero_in_the_warm_up_whatever_the_critic_says():
-    path = run([100.0] * 20)
-    warm = CONFIG.warmup_updates // DT
-    assert path[:warm] == [0.0] * warm
-    assert path[warm] > 0.0
+    path = run([100.0] * 20, ScheduleConfig(warmup_updates=5 * DT))
+    assert path[:5] == [0.0] * 5
+    assert path[5] > 0.0
 
 
 @given(unit)

@@ -95,7 +95,7 @@ class TrainConfig:
     """Weigh the reward by today's S (eqs 14-17); if not, by static_maturity."""
     static_maturity: float = 0.5
     """S of the reward weights where they are static."""
-    failure_share: float = 0.08
+    failure_share: float = 0.03
     """Share of the online rows of a batch that come from the last second before a failure. They would be rare: a
     policy that nearly always arrives forgets how near is too near."""
     mirror: bool = True
