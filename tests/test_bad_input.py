@@ -126,7 +126,7 @@ class TestNumbers:
             (("bench", "sim", "--seconds", "nan"), ("seconds is nan", "give a positive number")),
             (("bench", "plan", "--envs", "0"), ("envs is 0", "give 1 or more")),
             (("bench", "plan", "--rounds", "0"), ("rounds is 0", "give 1 or more")),
-            (("bench", "learn", "--width", "0"), ("width is 0", "give 1 or more")),
+            (("bench", "learn", "--widths", "0"), ("widths is [0]", "positive widths")),
             (("bench", "learn", "--seconds", "inf"), ("seconds is inf", "give a positive number")),
         ],
     )

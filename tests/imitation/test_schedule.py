@@ -127,7 +127,7 @@ def test_bad_constants_are_refused_by_name(bad: dict[str, float]):
         ScheduleConfig(**bad)  # pyright: ignore[reportArgumentType]
 
 
-LITERAL = CONFIG.literal()
+LITERAL = ScheduleConfig(k_alpha=8.0, b_alpha=4.0, lambda_max=0.5, k_q=4.0).literal()
 
 
 def test_eqs_3_and_5_as_printed_by_hand():

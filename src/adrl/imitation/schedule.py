@@ -24,7 +24,7 @@ class ScheduleConfig:
     driver: Driver = "value"
     """What S follows: the critic's value as in the paper, or, as controls, the discounted return of the training
     episodes against the same bounds, or the clock."""
-    clock_updates: float = 4000.0
+    clock_updates: float = 6000.0
     """Updates after the warm-up until S = 1, for the driver clock."""
     alpha_min: float = 0.05
     """Share of expert rows in a batch that is never released."""
@@ -42,9 +42,9 @@ class ScheduleConfig:
     """Updates during which S stays 0: the critic starts cold and its values mean nothing yet."""
     smoothing_updates: float = 200.0
     """Time constant of the exponential moving average over measured maturities."""
-    rise_updates: float = 3000.0
+    rise_updates: float = 6000.0
     """Updates that S takes at the least from 0 to 1."""
-    fall_updates: float = 30000.0
+    fall_updates: float = 60000.0
     """Updates that S takes at the least from 1 to 0. Far more than rise_updates: the ratchet."""
     interval_updates: int = 100
     """Updates between two measurements."""

@@ -14,7 +14,7 @@ _ZERO_ALLOWED = (
     "environment_gain",
     "maturity_gain",
     "k_obstacle",
-    "k_goal",
+    "k_proximity",
     "k_turn",
     "density_weight",
     "turn_cost_m",
@@ -32,53 +32,55 @@ class ReplannerConfig:
     eq21: Form = "corrected"
     """Choice of the waypoint, eqs 21 and 23. literal: the density D and its sum over cells as printed."""
     window_s: float = 2.0
-    """n steps of eq 18 as a time."""
+    """n steps of eq 18 as a time in s."""
     displacement_fraction: float = 0.25
     """d_m0 of eq 19 as a fraction of the longest way the robot can go in the window."""
     speed_fraction: float = 0.5
     """v_min as a fraction of the greatest speed."""
     obstacle_change_m: float = 0.3
-    """delta: change of the nearest obstacle's distance below which the surroundings count as unchanged."""
+    """delta: change in m of the nearest obstacle's distance below which the surroundings count as unchanged."""
     environment_gain: float = 0.5
     """alpha of eq 19: thresholds grow by this share at contact with an obstacle."""
     maturity_gain: float = 0.2
     """beta of eq 20."""
     safe_clearance_m: float = 0.3
-    """Clearance below which an obstacle is a threat: T_obs rises from 0 here to 1 at contact."""
+    """Clearance in m below which an obstacle is a threat: T_obs rises from 0 here to 1 at contact."""
     conflict_m: float = 2.0
-    """A slow robot that drives straight at the goal triggers only with a known obstacle this near on its way."""
+    """A slow robot that drives straight at the goal triggers only with a known obstacle this near on its way, m."""
     replan_interval_s: float = 1.0
-    """A robot on a route plans anew this often, and sooner at its waypoint or when the way to that is blocked."""
+    """A robot on a route plans anew after so many s, and sooner at its waypoint or when the way to that is blocked."""
     arrival_m: float = 0.4
-    """Distance from the waypoint at which the next one is wanted."""
+    """Distance in m from the waypoint at which the next one is wanted."""
     min_interval_m: float = 0.3
-    """Least distance of a waypoint along the route."""
+    """Least distance of a waypoint along the route, m."""
     lookahead_m: float = 1.5
-    """Greatest distance of a waypoint along the route."""
+    """Greatest distance of a waypoint along the route, m."""
     margin_m: float = 0.05
-    """Clearance that routes keep beyond the robot's radius."""
+    """Clearance in m that routes keep beyond the robot's radius."""
     comfort_m: float = 0.3
-    """Clearance beyond that at which obstacles cease to cost: O of eq 21 falls from 1 to 0 over it."""
+    """Clearance in m beyond that at which obstacles cease to cost: O of eq 21 falls from 1 to 0 over it."""
     near_goal_m: float = 3.0
-    """Distance below which the goal counts as near: T_goal rises from 0 here to 1 at the goal."""
+    """Distance in m below which the goal counts as near: T_goal rises from 0 here to 1 at the goal."""
     k_obstacle: float = 0.6
-    k_goal: float = 0.1
+    """k_1 of eq 21: share of the obstacle density; the three are divided by their sum."""
+    k_proximity: float = 0.1
+    """k_2 of eq 21: share of the distance to the goal."""
     k_turn: float = 0.3
-    """k_1, k_2, k_3 of eq 21; divided by their sum."""
+    """k_3 of eq 21: share of the curvature."""
     density_weight: float = 1.0
     """Metres that a metre at density 1 costs more: Cost_obs of eq 22 is this times the integral of the density."""
     turn_cost_m: float = 0.1
-    """lambda of eq 22: metres that a radian of turning costs. Counts with `headings`."""
+    """lambda of eq 22: m that a radian of turning costs. Counts with `headings`."""
     headings: bool = False
     """Search over cells and headings: turning is part of the route's cost. About three times slower."""
     cells: int = 400
     """Cells on a side of the window that is mapped about the robot."""
     resolution_m: float = 0.05
-    """Side of a cell. Gaps down to the robot's width, twice the margin and two cells can be planned through."""
+    """Side of a cell in m. Gaps down to the robot's width, twice the margin and two cells can be planned through."""
     range_m: float = 8.0
-    """Hits farther away are not mapped."""
+    """Hits farther away, m, are not mapped."""
     forget_s: float = 1.0
-    """Time of being seen through after which a mapped obstacle is forgotten."""
+    """Time in s of being seen through after which a mapped obstacle is forgotten."""
 
     def __post_init__(self) -> None:
         require_forms(self, *EQUATIONS)
@@ -90,8 +92,10 @@ class ReplannerConfig:
                 raise ConfigError(f"replanner.{name} is {value}; give {wanted}")
         if not 40 <= self.cells <= 4096:
             raise ConfigError(f"replanner.cells is {self.cells}; give 40 to 4096")
-        if self.k_obstacle + self.k_goal + self.k_turn <= 0.0:
-            raise ConfigError("replanner.k_obstacle, k_goal and k_turn are all 0; give one a positive number")
+        if self.k_obstacle + self.k_proximity + self.k_turn <= 0.0:
+            raise ConfigError(
+                "replanner.k_obstacle, k_proximity and k_turn are all 0; give one a positive number"
+            )
         if self.min_interval_m > self.lookahead_m:
             raise ConfigError(
                 f"replanner.min_interval_m is {self.min_interval_m}, beyond lookahead_m {self.lookahead_m}"
@@ -114,9 +118,9 @@ class ReplannerConfig:
             self.near_goal_m,
             self.density_weight,
         )
-        total = self.k_obstacle + self.k_goal + self.k_turn
+        total = self.k_obstacle + self.k_proximity + self.k_turn
         costs.k_obstacle = self.k_obstacle / total
-        costs.k_goal = self.k_goal / total
+        costs.k_goal = self.k_proximity / total
         costs.k_turn = self.k_turn / total
         costs.turn_m, costs.headings = self.turn_cost_m, self.headings
         return costs
