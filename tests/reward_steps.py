@@ -7,7 +7,7 @@ import numpy as np
 
 from adrl.rewards import REWARD_TERMS, RewardConfig, Step, terms
 
-CONFIG = RewardConfig()
+CONFIG = RewardConfig(safe_clearance_m=0.3)
 COLUMN = {name: i for i, name in enumerate(REWARD_TERMS)}
 
 

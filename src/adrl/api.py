@@ -115,7 +115,8 @@ def evaluate(
 
 def _replanner_of(driver: Policy | PrivilegedPolicy) -> ReplannerConfig | None:
     """The replanner's constants that the policy was trained with, if it says so. Raises CheckpointError."""
-    saved = driver.config.extra.get("replanner") if isinstance(driver, MlpPolicy) else None
+    extra = driver.config.extra if isinstance(driver, MlpPolicy) else {}
+    saved = extra.get("environment", {}).get("replanner")
     try:
         return None if saved is None else ReplannerConfig(**saved)
     except TypeError as error:

@@ -4,7 +4,7 @@ import functools
 import json
 import platform
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
@@ -35,7 +35,7 @@ from adrl.worlds.place import Place
 if TYPE_CHECKING:
     from adrl.agents.train import Progress, TrainResult
 
-PROBE_STARTS = 64
+PROBE_STATES = 64
 VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "gymnasium", "safetensors")
 
 
@@ -62,7 +62,7 @@ class RunConfig(Place):
     task_pool: int = 512
     """Worlds to train in, the first ones of the training split."""
     task_priority: float = 1.0
-    """How much more often than others tasks are drawn that failed lately; 0 for all alike."""
+    """Draw tasks that failed lately more often: chances are 0.1 + task_priority * failure rate; 0 for all alike."""
     demonstration_steps: int = 20_000
     """Environment steps of A*+DWA demonstrations to collect."""
     dataset: Path | None = None
@@ -139,9 +139,15 @@ def train(
     env = make_env(
         config.num_envs, randomize=config.randomize, task_priority=config.task_priority, seed=learner.seed
     )
+    began_s = time.monotonic()
     demonstrations = _demonstrations(config, env) if learner.schedule.imitates else None
-    probed = learner.measures_maturity and learner.schedule.needs_bounds
-    probe = _probe(make_env(PROBE_STARTS, randomize=False), learner) if probed else None
+    demonstrated_s = time.monotonic()
+    probed = learner.measures_maturity and learner.schedule.needs_probe
+    probe = _probe(make_env(PROBE_STATES, randomize=False), learner) if probed else None
+    setup = {
+        "demonstration_seconds": demonstrated_s - began_s,
+        "probe_seconds": time.monotonic() - demonstrated_s,
+    }
     out.mkdir(parents=True, exist_ok=True)
     if not resumed:
         files.write_json(out / "versions.json", versions())
@@ -152,7 +158,7 @@ def train(
         learner,
         env,
         out,
-        policy_config=about_policy(config, robot, scenario, out),
+        policy_config=about_policy(config, robot, scenario, out, setup),
         demonstrations=demonstrations,
         probe=probe,
         mirror=env.sim.encoder.mirror,
@@ -210,8 +216,17 @@ def _demonstrations(config: RunConfig, env: NavVectorEnv) -> Demonstrations:
     return collect(env, config.demonstration_steps, seed=config.learner.seed)
 
 
-def about_policy(config: RunConfig, robot: RobotConfig, scenario: Scenario, out: Path) -> PolicyConfig:
-    """What is saved with the policy; the learner fills in the sizes and what training took."""
+def about_policy(
+    config: RunConfig,
+    robot: RobotConfig,
+    scenario: Scenario,
+    out: Path,
+    setup_seconds: Mapping[str, float] | None = None,
+) -> PolicyConfig:
+    """What is saved with the policy; the learner fills in the sizes and what training took.
+
+    setup_seconds: wall clock of what came before the first update, told apart.
+    """
     run = asdict(replace(config, robot=robot.name))
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next
@@ -227,9 +242,10 @@ def about_policy(config: RunConfig, robot: RobotConfig, scenario: Scenario, out:
                 "task_pool": config.task_pool,
                 "task_priority": config.task_priority,
                 "randomize": config.randomize,
+                "replanner": asdict(config.resolved_replanner()),
             },
-            "replanner": asdict(config.resolved_replanner()),
             "run": out.name,
+            **(setup_seconds or {}),
             "scenario": scenario.name,
             "settings": json.loads(json.dumps(run, default=str)),
         },

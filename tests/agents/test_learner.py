@@ -74,6 +74,8 @@ def test_expert_rows_follow_alpha_of_the_maturity():
     fill(learner, 40, 0)
     assert learner.maturity == 0.0
     assert learner.expert_rows == round(alpha(MaturityState(), schedule) * 16)
+    learner.online_updates += 4
+    learner.mature()  # what a cold critic says
     # A critic that promises more than the demonstrations ever earned counts as mature.
     learner.state = learner.state._replace(target_critics=learner.state.target_critics.at[:].set(1.0))
     for _ in range(12):

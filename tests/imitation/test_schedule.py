@@ -66,7 +66,8 @@ def test_an_expert_no_better_than_chance_measures_nothing():
 
 
 def run(values: list[float], config: ScheduleConfig = CONFIG) -> list[float]:
-    state, out = MaturityState(), []
+    # A cold critic has said 0, so that the bounds are those given.
+    state, out = MaturityState(lowest=0.0), []
     for value in values:
         state = update(state, value, Bounds(0.0, 1.0), DT, config)
         out.append(state.maturity)
@@ -104,7 +105,7 @@ def test_the_loop_through_the_weights_settles(lag_updates: float, feedback: floa
 
     S overshoots once at the most, comes down slowly and stays where value and S agree.
     """
-    state, q, path = MaturityState(), 0.0, []
+    state, q, path = MaturityState(lowest=0.0), 0.0, []
     for _ in range(1500):
         q += (1.0 - math.exp(-DT / lag_updates)) * (0.9 - feedback * state.maturity - q)
         state = update(state, q, Bounds(0.0, 1.0), DT, CONFIG)
@@ -162,10 +163,29 @@ def test_the_clock_releases_whatever_the_critic_says():
     assert path == pytest.approx([min(max((100 * i - 500) / 1000, 0.0), 1.0) for i in range(1, 21)])
 
 
-def test_bounds_are_needed_only_where_they_are_used():
-    assert CONFIG.needs_bounds
-    assert ScheduleConfig(driver="return", eq13="literal").needs_bounds
-    assert not LITERAL.needs_bounds
-    assert not ScheduleConfig(driver="clock").needs_bounds
+def test_a_probe_is_needed_only_where_it_is_used():
+    assert CONFIG.needs_probe
+    assert ScheduleConfig(driver="return", eq2="literal", eq13="literal").needs_probe
+    assert ScheduleConfig(eq13="literal").needs_probe  # eq 2 is measured on it
+    assert ScheduleConfig(eq2="literal").needs_probe  # and eq 13 against it
+    assert not LITERAL.needs_probe
+    assert not ScheduleConfig(driver="clock").needs_probe
     with pytest.raises(ConfigError, match="driver"):
         ScheduleConfig(driver="moon")  # pyright: ignore[reportArgumentType]
+
+
+def test_what_a_cold_critic_promises_is_no_maturity():
+    """Chance earns -2, the expert 1, and a critic that knows nothing says 0: S starts at 0 and is 1/2 at 0.5."""
+    state, path = MaturityState(), []
+    for value in [0.0] * 5 + [0.5] * 100:
+        state = update(state, value, Bounds(-2.0, 1.0), DT, CONFIG)
+        path.append(state.maturity)
+    assert path[4] == 0.0
+    assert math.isclose(path[-1], 0.5, abs_tol=0.01)
+
+
+def test_a_fixed_share_stays_fixed_in_the_literal_form_too():
+    fixed = ScheduleConfig(alpha_min=0.5, alpha_max=0.5, lambda_max=0.2, k_q=0.0).literal()
+    for q in (-3.0, 0.0, 3.0):
+        assert alpha(MaturityState(statistic=q), fixed) == 0.5
+        assert lambda_bc(MaturityState(statistic=q), fixed) == 0.2

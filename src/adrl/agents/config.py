@@ -96,7 +96,7 @@ class TrainConfig:
     static_maturity: float = 0.5
     """S of the reward weights where they are static."""
     failure_share: float = 0.03
-    """Share of the online rows of a batch that come from the last second before a failure. They would be rare: a
+    """Share of the online rows of a batch that come from the last ten steps before a failure. They would be rare: a
     policy that nearly always arrives forgets how near is too near."""
     mirror: bool = True
     """Mirror half of the rows of every batch, left for right: what a symmetric robot learns in a world it also

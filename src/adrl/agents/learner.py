@@ -1,5 +1,6 @@
 """The learner: replay, networks and schedule. It samples, updates and matures; train.py drives it."""
 
+import time
 import zlib
 from collections.abc import Iterable
 from dataclasses import replace
@@ -47,7 +48,7 @@ class Learner:
             raise ConfigError(
                 "the method imitates and needs demonstrations; collect some, or take another method"
             )
-        if config.measures_maturity and config.schedule.needs_bounds and probe is None:
+        if config.measures_maturity and config.schedule.needs_probe and probe is None:
             raise ConfigError("the maturity S is measured against a probe (adrl.imitation.probe); record one")
         self._config = config
         self._rng = rng
@@ -67,6 +68,8 @@ class Learner:
         self.state = td3.init_state(rng, self._shape)
         self._actor = jnp.array(self.state.actor, copy=True)
         self._info: td3.UpdateInfo | None = None
+        self.compile_seconds: float | None = None
+        """Wall clock of the first update's call, which traces and compiles; None before it."""
         self._schedule = MaturityState()
         self._measured_at = 0
         self.bounds = Bounds(float("nan"), float("nan"))
@@ -141,7 +144,10 @@ class Learner:
         labels = self._sample_labels(updates // config.td3.policy_delay)
         weights = Weights(self.reward_maturity, self.lambda_bc, q_weight=0.0 if self.clones_only else 1.0)
         weights = Weights(*(np.float32(w) for w in weights))
+        began_s = time.monotonic()
         self.state, self._actor, self._info = self._update(self.state, rows, labels, weights)
+        if self.compile_seconds is None:
+            self.compile_seconds = time.monotonic() - began_s
         if pretraining:
             self.pretrain_updates += updates
         else:
@@ -150,7 +156,7 @@ class Learner:
     def mature(self, returns: Iterable[float] = ()) -> None:
         """Measure S if it is due (eqs 2, 13). Waits for the running updates.
 
-        returns: discounted returns of the training episodes that have ended since the last call.
+        returns: of the training episodes that have ended since the last call, see EpisodeTally.add.
         """
         config = self._config.schedule
         if config.driver == "return":

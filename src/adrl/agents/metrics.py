@@ -71,10 +71,10 @@ class EpisodeTally:
 
     running: F32
     """(N,) return of the episodes that still run."""
-    discounted: F32
-    """(N,) the same, discounted from the episode's start."""
-    discount: F32
-    """(N,) gamma to the power of the steps since the episode's start."""
+    to_go: F32
+    """(N,) sum over their steps of the discounted return from that step on."""
+    length: F32
+    """(N,) their steps so far."""
     finished: int = 0
     succeeded: int = 0
     return_sum: float = 0.0
@@ -84,17 +84,21 @@ class EpisodeTally:
     @classmethod
     def empty(cls, num_envs: int) -> "EpisodeTally":
         """Before the first step."""
-        zeros = np.zeros(num_envs, np.float32)
-        return cls(zeros, zeros.copy(), np.ones(num_envs, np.float32))
+        running, to_go, length = np.zeros((3, num_envs), np.float32)
+        return cls(running, to_go, length)
 
-    def add(
-        self, rewards: F32, ended: NDArray[np.bool_], success: NDArray[np.bool_], gamma: float
-    ) -> list[float]:
-        """Count one step of all rows: (N,) each. Returns the discounted returns of the episodes that it ended."""
+    def add(self, rewards: F32, ended: NDArray[np.bool_], success: NDArray[np.bool_], gamma: float) -> F32:
+        """Count one step of all rows: (N,) each.
+
+        Returns what the episodes that it ended earned, in the order of their rows: the mean over their steps of the
+        discounted return from there, as the probe's bounds are means over states along the way. A reward after k
+        steps counts gamma^j, j = 0 ... k.
+        """
         self.running += rewards
-        self.discounted += self.discount * rewards
-        self.discount *= np.float32(gamma)
-        returns = self.discounted[ended].tolist()
+        self.length += 1.0
+        counts = self.length if gamma == 1.0 else (1.0 - gamma**self.length) / (1.0 - gamma)
+        self.to_go += rewards * counts
+        returns = self.to_go[ended] / self.length[ended]
         if ended.any():
             number = int(ended.sum())
             self.finished += number
@@ -102,8 +106,8 @@ class EpisodeTally:
             self.succeeded += int((success & ended).sum())
             self.return_sum += float(self.running[ended].sum(dtype=np.float64))
             self.running[ended] = 0.0
-            self.discounted[ended] = 0.0
-            self.discount[ended] = 1.0
+            self.to_go[ended] = 0.0
+            self.length[ended] = 0.0
         return returns
 
     def take(self) -> dict[str, float | int | None]:
@@ -118,7 +122,7 @@ class EpisodeTally:
 
     def arrays(self) -> dict[str, F32]:
         """What is kept of every row."""
-        return {name: getattr(self, name) for name in ("running", "discounted", "discount")}
+        return {name: getattr(self, name) for name in ("running", "to_go", "length")}
 
     def state(self) -> dict[str, Any]:
         """The rest, as plain numbers."""

@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 NUM_TERMS, NUM_FEATURES, ACTION_SIZE = 6, 3, 2
 FAILURE_TERM = 1
 FAILURE_STEPS = 10
-"""A window drawn for a failure starts up to so many steps, one second of the default robot, before it ends."""
+"""A window drawn for a failure starts in one of so many steps, the failing one the last."""
 CONTINUES, TERMINATED, TRUNCATED = 0, 1, 2
 """What a step does to its episode."""
 

@@ -160,7 +160,9 @@ class _Run:
         )
         rewards = reward(terms, features, maturity, self.config.reward)
         ended, gamma = terminated | truncated, self.config.td3.gamma
-        self._returns = self._tally.add(rewards, ended, info["success"], gamma)
+        returns = self._tally.add(rewards, ended, info["success"], gamma)
+        # The robots that explore least tell best what the actor itself would earn.
+        self._returns = returns[np.flatnonzero(ended) < max(len(ended) // 4, 1)].tolist()
         self._observation = np.array(observation, dtype=np.float32)
         self._env_steps += len(observation)
 
@@ -244,6 +246,7 @@ class _Run:
             "env_steps": self._env_steps,
             "gradient_updates": updates,
             "episodes": episodes,
+            "compile_seconds": self.learner.compile_seconds,
         }
         extra = dict(self._policy_config.extra) | counts
         policy = self.learner.policy(replace(self._policy_config, extra=extra))

@@ -1,4 +1,7 @@
-"""The probe: fixed start states, and what chance and the expert earn from them (Q_min, Q_max of eq 13)."""
+"""The probe: fixed states along the expert's routes, and what chance and the expert earn from them (eq 13).
+
+Not start states alone: with a horizon of five seconds the value of a start says little about arriving.
+"""
 
 import math
 from collections.abc import Callable, Mapping
@@ -60,10 +63,10 @@ class Rollouts:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Probe:
-    """Start states and the two policies' episodes from them."""
+    """Fixed states and the two policies' episodes from them."""
 
     observation: F32
-    """(P, D) observations of the start states."""
+    """(P, D) observations of the states."""
     random: Rollouts
     expert: Rollouts
 
@@ -90,6 +93,8 @@ class BoundsTable:
 CUT_SHARE = 0.0064
 """Share of a discounted return that lies beyond the probe's last step: 250 steps at gamma = 0.98."""
 LONGEST = 3000
+STOPS, STOP_STEPS = 8, 40
+"""A state of the probe lies 0, 40, ..., 280 steps down the expert's way: a copy of the whole state each is enough."""
 
 
 def probe_steps(gamma: float) -> int:
@@ -98,14 +103,13 @@ def probe_steps(gamma: float) -> int:
 
 
 def record_probe(env: ProbeEnv, seed: int, max_steps: int) -> Probe:
-    """Run a random policy and the expert from the same num_envs starts, at most max_steps each; see probe_steps.
+    """Run a random policy and the expert from the same num_envs states, at most max_steps each; see probe_steps.
 
     A random action is held for ten steps: drawn anew each step it would average out to standing still.
     """
-    observation, _ = env.reset(seed=seed)
-    observation = np.array(observation, dtype=np.float32)
-    start = env.state()
     rng = np.random.Generator(np.random.PCG64(seed))
+    observation, start = _along_routes(env, seed, rng)
+    env.set_state(start)
     held = np.zeros((env.num_envs, 2), dtype=np.float32)
 
     def random_actions(step: int) -> F32:
@@ -117,6 +121,22 @@ def record_probe(env: ProbeEnv, seed: int, max_steps: int) -> Probe:
     env.set_state(start)
     expert = _record(env, lambda step: env.expert_actions(), max_steps)
     return Probe(observation=observation, random=random, expert=expert)
+
+
+def _along_routes(env: ProbeEnv, seed: int, rng: np.random.Generator) -> tuple[F32, dict[str, NDArray[Any]]]:
+    """Observations (P, D) and states of rows that the expert has driven for different times, each as it was then."""
+    observation, _ = env.reset(seed=seed)
+    chosen, state = np.array(observation, dtype=np.float32), env.state()
+    stop = rng.integers(STOPS, size=env.num_envs)
+    for number in range(1, STOPS):
+        for _ in range(STOP_STEPS):
+            observation = env.step(env.expert_actions())[0]
+        rows = stop == number
+        chosen[rows] = observation[rows]
+        for name, array in env.state().items():
+            if len(array) == env.num_envs:  # the rest, such as a random generator, is of no row
+                state[name][rows] = array[rows]
+    return chosen, state
 
 
 def _record(env: ProbeEnv, act: Callable[[int], F32], max_steps: int) -> Rollouts:

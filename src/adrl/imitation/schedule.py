@@ -13,8 +13,8 @@ from adrl.types import Form, require_forms
 Driver = Literal["value", "return", "clock"]
 EQUATIONS = ("eq2", "eq3", "eq5", "eq13")
 """The equations that have two forms."""
-MOST_EXPONENT = 50.0
-"""exp() is cut here in the literal eqs 3 and 5: float32 goes up to exp(88)."""
+MOST_EXPONENT = 35.0
+"""exp() is cut here in the literal eqs 3 and 5: float32 goes up to exp(88), and Adam squares the gradient."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,21 +30,21 @@ class ScheduleConfig:
     """Share of expert rows in a batch that is never released."""
     alpha_max: float = 0.5
     """Share of expert rows at S = 0. Near 1 learning is offline: the critic never sees its mistakes."""
-    k_alpha: float = 16.0
+    k_alpha: float = 40.0
     """k_alpha of eq 3: how sharply alpha falls with S."""
     b_alpha: float = 4.0
     """b_alpha of eq 3: alpha is half released at S = b_alpha / k_alpha."""
     lambda_max: float = 0.3
     """lambda_max of eq 5: weight of cloning beside the normalised Q at S = 0."""
-    k_q: float = 12.0
+    k_q: float = 30.0
     """k_q of eq 5: lambda falls by exp(-k_q) from S = 0 to S = 1."""
     warmup_updates: int = 0
     """Updates during which S stays 0: the critic starts cold and its values mean nothing yet."""
     smoothing_updates: float = 200.0
     """Time constant of the exponential moving average over measured maturities."""
-    rise_updates: float = 6000.0
+    rise_updates: float = 1500.0
     """Updates that S takes at the least from 0 to 1."""
-    fall_updates: float = 60000.0
+    fall_updates: float = 30000.0
     """Updates that S takes at the least from 1 to 0. Far more than rise_updates: the ratchet."""
     interval_updates: int = 100
     """Updates between two measurements."""
@@ -89,13 +89,14 @@ class ScheduleConfig:
         return self.alpha_max > 0.0 or self.lambda_max > 0.0
 
     @property
-    def needs_bounds(self) -> bool:
-        """Whether S is measured against Q_min and Q_max of the probe."""
-        return self.driver != "clock" and not (self.driver == "value" and self.eq13 == "literal")
+    def needs_probe(self) -> bool:
+        """Whether S is measured on the probe's states, or against what is earned from them."""
+        all_literal = self.driver == "value" and self.eq2 == self.eq13 == "literal"
+        return self.driver != "clock" and not all_literal
 
     def literal(self) -> Self:
         """The same constants with every equation as printed."""
-        return replace(self, driver="value", **dict.fromkeys(EQUATIONS, "literal"))
+        return replace(self, **dict.fromkeys(EQUATIONS, "literal"))
 
 
 class MaturityState(NamedTuple):
@@ -110,7 +111,7 @@ class MaturityState(NamedTuple):
     statistic: float | None = None
     """Q(t), the last value measured (eq 2); None before the first."""
     lowest: float | None = None
-    """Q_min of the literal eq 13: the least statistic so far."""
+    """The first statistic, of a critic that knows nothing of the actor yet. Literal eq 13: the least so far, Q_min."""
     highest: float | None = None
     """Q_max of the literal eq 13."""
 
@@ -127,10 +128,10 @@ class Bounds(NamedTuple):
 def alpha(state: MaturityState, config: ScheduleConfig) -> float:
     """alpha = alpha_min + (alpha_max - alpha_min) sigma(b_alpha - k_alpha S) (eq 3): expert rows' share.
 
-    Literal: sigma(b_alpha - k_alpha Q). 0 for a method without imitation in either form.
+    Literal: sigma(b_alpha - k_alpha Q). A share that is fixed is fixed in either form.
     """
-    if not config.alpha_max > 0.0:
-        return 0.0
+    if config.alpha_min == config.alpha_max:
+        return config.alpha_max
     if config.eq3 == "literal":
         return _sigmoid(config.b_alpha - config.k_alpha * (state.statistic or 0.0))
     released = _sigmoid(config.b_alpha - config.k_alpha * state.maturity)
@@ -164,13 +165,13 @@ def update(
 ) -> MaturityState:
     """One measurement of S, dt_updates after the last.
 
-    statistic: Q(t) of eq 2. Corrected, the mean over fixed start states of min_i Q'_i(s0, pi(s0)): a batch's mean
-    would depend on alpha itself. For the driver `return` it is the discounted return of training episodes. bounds:
-    of the probe; the literal eq 13 uses the running extremes instead.
+    statistic: Q(t) of eq 2. Corrected, the mean over fixed states of min_i Q'_i(s, pi(s)): a batch's mean would
+    depend on alpha itself. For the driver `return` it is what training episodes earned from their states. bounds: of
+    the probe; the literal eq 13 uses the running extremes instead.
 
     S moves the reward's weights, they move Q, and Q moves S. Three things break this loop: the bounds are formed
-    under the same weights as Q, the average is slow against the critic, and S falls ten times slower than it may
-    rise, so it cannot swing. The literal form has none of them.
+    under the same weights as Q, the average is slow against the critic, and S falls far slower than it may rise
+    (fall_updates), so it cannot swing. The literal form has none of them.
     """
     updates = state.updates + dt_updates
     if config.driver == "clock":
@@ -181,10 +182,13 @@ def update(
         highest = statistic if state.highest is None else max(state.highest, statistic)
         measured = measured_maturity(statistic, Bounds(lowest, highest))
         return MaturityState(measured, measured, updates, statistic, lowest, highest)
+    # A critic that knows nothing promises more than chance earns: that is no maturity yet.
+    cold = statistic if state.lowest is None else state.lowest
+    bounds = Bounds(max(bounds.low, cold), bounds.high)
     if updates <= config.warmup_updates:
-        return MaturityState(updates=updates, statistic=statistic)
+        return MaturityState(updates=updates, statistic=statistic, lowest=cold)
     gain = 1.0 - math.exp(-dt_updates / config.smoothing_updates)
     average = state.average + gain * (measured_maturity(statistic, bounds) - state.average)
     most, least = dt_updates / config.rise_updates, -dt_updates / config.fall_updates
     change = min(max(average - state.maturity, least), most)
-    return MaturityState(min(max(state.maturity + change, 0.0), 1.0), average, updates, statistic)
+    return MaturityState(min(max(state.maturity + change, 0.0), 1.0), average, updates, statistic, cold)

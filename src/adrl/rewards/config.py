@@ -27,7 +27,7 @@ class RewardConfig:
     """r_su of eq 7, paid once on arrival."""
     failure_penalty: float = 200.0
     """-r_f of eq 8, paid once on collision."""
-    safe_clearance_m: float = 0.3
+    safe_clearance_m: float = 0.1
     """d_safe - d_r of eq 11: clearance of the footprint's edge, in m, below which an obstacle costs."""
     stagnation_fraction: float = 0.15
     """d_m of eq 12 as a fraction of max_speed * dt, the longest step a robot can make."""
