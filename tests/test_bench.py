@@ -109,13 +109,58 @@ def test_learn_needs_widths(widths: tuple[int, ...]) -> None:
         bench_learn(widths=widths)
 
 
-def test_replan_and_policy_step() -> None:
+class Clock:
+    """Shows 0, 1, 1 + 2, 1 + 2 + 3, ... s: what is timed k-th takes 2 k - 1 s."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def perf_counter(self) -> float:
+        self.calls += 1
+        return 0.5 * self.calls * (self.calls - 1)
+
+
+def test_replanning_is_timed_once_a_query(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plain and headings take turns: 1, 5, 9, 13 s and 3, 7, 11, 15 s."""
+    monkeypatch.setattr("adrl.benchmarks.plan.time", Clock())
     results = bench_replan(queries=4)
-    assert results["cells"] == [400, 400]
-    for name in ("plain", "headings"):
-        assert 0.0 < results[name]["p50_ms"] <= results[name]["p99_ms"]
-    step = bench_act(load_policy(default_policy_folder()), steps=20)
-    assert 0.0 < step["p50_ms"] <= step["p99_ms"]
+    assert (results["cells"], results["queries"]) == ([400, 400], 4)
+    assert results["plain"] == pytest.approx({"p50_ms": 7e3, "p99_ms": 13e3 - 0.03 * 4e3})
+    assert results["headings"] == pytest.approx({"p50_ms": 9e3, "p99_ms": 15e3 - 0.03 * 4e3})
+
+
+@pytest.mark.parametrize("k", range(6))
+def test_replanning_is_timed_on_windows_that_have_a_route(k: int) -> None:
+    """Clutter and mazes by turns; every third goal is shut in, and the route ends beside it or at the border."""
+    window, pose, goal = _query(np.random.default_rng(k), k)
+    replanner = Replanner(1, RobotConfig(), ReplannerConfig(cells=SIDE))
+    replanner.b["log_odds"][0] = window
+    replanner.native.plan(np.ones(1, np.uint8), pose, goal)
+    cell = tuple(np.floor(goal[0, ::-1] / 0.05).astype(int))
+    labels, _ = label(window <= 0)
+    start = tuple(np.floor(pose[0, 1::-1] / 0.05).astype(int))
+    assert window[start] <= 0
+    if k % 3 == 0:
+        assert labels[cell] != labels[start] or labels[cell] == 0
+        assert replanner.b["found"][0] != 1
+    else:
+        assert replanner.b["found"][0] > 0
+
+
+@pytest.mark.parametrize("history_steps", [0, 3])
+def test_a_policy_step_is_timed_without_the_warm_up(
+    history_steps: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """20 steps after 20 of warm-up last 41, 43, ..., 79 s by turns; also with motion cues."""
+    encoder = EncoderConfig(history_steps=history_steps)
+    size = ObservationEncoder(RobotConfig(), encoder).size
+    fields = {"robot": robot_fields(RobotConfig()), "encoder": dataclasses.asdict(encoder)}
+    config = PolicyConfig(input_size=size, widths=(4,), **fields)
+    layers = [(np.zeros((i, o), np.float32), np.zeros(o, np.float32)) for i, o in ((size, 4), (4, 2))]
+    clock = Clock()
+    monkeypatch.setattr("adrl.benchmarks.act.time", clock)
+    step = bench_act(MlpPolicy(layers, config), steps=20)
+    assert clock.calls == 60
 
 
 @pytest.mark.parametrize("seconds", [math.nan, math.inf, 0.0, -1.0])
