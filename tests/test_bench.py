@@ -1,22 +1,28 @@
 """The benchmarks return what they promise. Tiny sizes: the numbers mean nothing here."""
 
+import dataclasses
 import json
 import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.ndimage import label
 
-from adrl.api import default_policy_folder
 from adrl.benchmarks.act import bench_act
 from adrl.benchmarks.learn import bench_learn, flops_per_update
-from adrl.benchmarks.plan import bench_dwa, bench_map, bench_replan
+from adrl.benchmarks.plan import SIDE, _query, bench_dwa, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.benchmarks.timing import median_seconds, rate_per_second
 from adrl.commands.bench import _gather
-from adrl.deploy.policy import load_policy
+from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import ConfigError
+from adrl.observation import EncoderConfig, ObservationEncoder
+from adrl.planning.replanner import Replanner
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.types import RobotConfig
 from map_files import write_map
 from small_run import run_cli
 
@@ -110,7 +116,7 @@ def test_learn_needs_widths(widths: tuple[int, ...]) -> None:
 
 
 class Clock:
-    """Shows 0, 1, 1 + 2, 1 + 2 + 3, ... s: what is timed k-th takes 2 k - 1 s."""
+    """Shows 0, 1, 1 + 2, 1 + 2 + 3, ... s: between call k and the next lie k seconds."""
 
     def __init__(self) -> None:
         self.calls = 0
@@ -137,7 +143,8 @@ def test_replanning_is_timed_on_windows_that_have_a_route(k: int) -> None:
     replanner.b["log_odds"][0] = window
     replanner.native.plan(np.ones(1, np.uint8), pose, goal)
     cell = tuple(np.floor(goal[0, ::-1] / 0.05).astype(int))
-    labels, _ = label(window <= 0)
+    labels = np.empty(window.shape, np.int32)
+    label(window <= 0, output=labels)
     start = tuple(np.floor(pose[0, 1::-1] / 0.05).astype(int))
     assert window[start] <= 0
     if k % 3 == 0:
@@ -151,16 +158,23 @@ def test_replanning_is_timed_on_windows_that_have_a_route(k: int) -> None:
 def test_a_policy_step_is_timed_without_the_warm_up(
     history_steps: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """20 steps after 20 of warm-up last 41, 43, ..., 79 s by turns; also with motion cues."""
+    """Each step looks at the clock when it begins, and those after the warm-up once more; also with motion cues."""
     encoder = EncoderConfig(history_steps=history_steps)
     size = ObservationEncoder(RobotConfig(), encoder).size
-    fields = {"robot": robot_fields(RobotConfig()), "encoder": dataclasses.asdict(encoder)}
-    config = PolicyConfig(input_size=size, widths=(4,), **fields)
+    config = PolicyConfig(
+        input_size=size,
+        widths=(4,),
+        robot=dataclasses.asdict(RobotConfig()),
+        encoder=dataclasses.asdict(encoder),
+    )
     layers = [(np.zeros((i, o), np.float32), np.zeros(o, np.float32)) for i, o in ((size, 4), (4, 2))]
     clock = Clock()
     monkeypatch.setattr("adrl.benchmarks.act.time", clock)
     step = bench_act(MlpPolicy(layers, config), steps=20)
     assert clock.calls == 60
+    lasted = np.arange(21, 60, 2)  # s, of the steps after 20 of warm-up
+    assert step["p50_ms"] == pytest.approx(1e3 * np.median(lasted))
+    assert step["p99_ms"] == pytest.approx(1e3 * np.percentile(lasted, 99))
 
 
 @pytest.mark.parametrize("seconds", [math.nan, math.inf, 0.0, -1.0])

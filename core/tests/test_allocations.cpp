@@ -1,4 +1,5 @@
-// Steps, plans, routes and resets allocate nothing once the simulator or planner stands: the global operator new counts.
+// Steps, plans, routes and resets allocate nothing once the simulator or planner stands: the global operator new
+// counts.
 #include <algorithm>
 #include <atomic>
 #include <cstdlib>

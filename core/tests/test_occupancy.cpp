@@ -34,7 +34,8 @@ TEST_CASE("a window that follows its robot keeps each cell at its place") {
     int moved = 0;
     for (const auto &[x, y] : way) {
         for (std::size_t i = 0; i < window.cells.size(); ++i) {
-            window.cells[i] = static_cast<std::int8_t>(1 + static_cast<int>(100.0 * uniform01(mix64(random_key(1, i)))));
+            window.cells[i] =
+                static_cast<std::int8_t>(1 + static_cast<int>(100.0 * uniform01(mix64(random_key(1, i)))));
         }
         const Window before = window;
         follow_robot(window.cells.data(), kShape, window.origin, {x, y});

@@ -166,11 +166,21 @@ def test_a_mature_policy_is_left_alone_for_longer() -> None:
     assert replans(1.0, "literal") == 1
 
 
-def test_a_robot_shut_in_keeps_the_goal() -> None:
+@pytest.mark.parametrize("ring_m", [0.22, 0.3])
+def test_a_robot_that_can_reach_no_other_place_keeps_the_goal(ring_m: float) -> None:
     replanner = one_robot((5.0, 0.0))
-    waypoints = drive(replanner, np.zeros((40, 3)), np.full(BEAMS, 0.35))
+    waypoints = drive(replanner, np.zeros((40, 3)), np.full(BEAMS, ring_m))
     assert replanner.replans[0] >= 1
     np.testing.assert_array_equal(waypoints, np.tile([5.0, 0.0], (40, 1)))
+
+
+def test_a_robot_shut_in_with_room_heads_for_the_place_nearest_to_the_goal() -> None:
+    """0.35 m all round: the radius of 0.2 m and the margin leave a cell or two on the goal's side."""
+    replanner = one_robot((5.0, 0.0))
+    waypoints = drive(replanner, np.zeros((40, 3)), np.full(BEAMS, 0.35))
+    assert replanner.replans[0] == 1
+    assert 0.0 < waypoints[-1, 0] <= 0.15
+    assert abs(waypoints[-1, 1]) < 0.05
 
 
 def test_handed_back_when_the_goal_is_seen() -> None:

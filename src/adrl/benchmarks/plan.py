@@ -124,8 +124,10 @@ def _query(rng: np.random.Generator, k: int) -> tuple[NDArray[np.int8], Array, A
     if k % 3 == 0:
         _shut_in(window, *goal)
     heading = rng.uniform(-np.pi, np.pi)
-    start_xy, goal_xy = ((cell[::-1] + 0.5) * ReplannerConfig().resolution_m for cell in (start, goal))
-    return window, np.array([[*start_xy, heading]]), goal_xy[None]
+    places: Array = (
+        np.array([start, goal], dtype=np.float64)[:, ::-1] + 0.5
+    ) * ReplannerConfig().resolution_m
+    return window, np.array([[*places[0], heading]]), places[1:].copy()
 
 
 def _replanning_seconds(replanner: Replanner, pose: Array, goal: Array) -> float:

@@ -158,7 +158,9 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         if ended.any():
             for i in np.flatnonzero(ended):  # one by one: several robots may have driven the same task
                 task = self._task_index[i]
-                self._failure_rate[task] += FAILURE_GAIN * (float(~outcome.reached[i]) - self._failure_rate[task])
+                self._failure_rate[task] += FAILURE_GAIN * (
+                    float(~outcome.reached[i]) - self._failure_rate[task]
+                )
         if self._autoreset is AutoresetMode.SAME_STEP and ended.any():
             info["_final_obs"] = ended
             self._begin(np.flatnonzero(ended))
