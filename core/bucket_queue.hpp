@@ -20,8 +20,6 @@ class BucketQueue {
         entries_.reserve(capacity);
     }
 
-    std::uint32_t span() const { return mask_ + 1; }
-
     void clear(std::uint32_t least_key) {
         if (live_ > 0) std::fill(head_.begin(), head_.end(), kNone);
         entries_.clear();

@@ -41,7 +41,6 @@ class Replanner {
 
     int num_robots() const { return num_robots_; }
     int num_beams() const { return num_beams_; }
-    int num_threads() const { return pool_.size(); }
     // Forgets what the robots of the mask (N) have seen and puts them, at poses (N, 3), in their windows' middles.
     void restart(const std::uint8_t *mask, const double *pose);
     // Enters scans (N, K) taken at poses (N, 3).

@@ -28,7 +28,8 @@ int eighths_between(int a, int b) {
 }
 
 int limit_cells(const RouteCosts &costs, double resolution) {
-    return std::clamp(static_cast<int>(std::ceil((costs.inflation + costs.comfort) / resolution)), 1, 200);
+    const double cells = std::ceil((costs.inflation + costs.comfort) / resolution);
+    return static_cast<int>(std::clamp(cells, 1.0, static_cast<double>(RoutePlanner::kMaxReach)));
 }
 
 std::uint32_t queue_span(const RouteCosts &costs, double resolution) {

@@ -35,6 +35,8 @@ class RoutePlanner {
   public:
     // One whole-number unit of cost is a 64th of a cell, and every move is rounded up to units.
     static constexpr int kUnit = 64;
+    // Cells that inflation and comfort may sum to: twice its square is the most that 16 bits hold.
+    static constexpr int kMaxReach = 181;
 
     RoutePlanner(int height, int width, double resolution, const RouteCosts &costs);
 

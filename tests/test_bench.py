@@ -1,22 +1,28 @@
 """The benchmarks return what they promise. Tiny sizes: the numbers mean nothing here."""
 
+import dataclasses
 import json
 import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.ndimage import label
 
-from adrl.api import default_policy_folder
 from adrl.benchmarks.act import bench_act
 from adrl.benchmarks.learn import bench_learn, flops_per_update
-from adrl.benchmarks.plan import bench_dwa, bench_map, bench_replan
+from adrl.benchmarks.plan import SIDE, _query, bench_dwa, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.benchmarks.timing import median_seconds, rate_per_second
 from adrl.commands.bench import _gather
-from adrl.deploy.policy import load_policy
+from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import ConfigError
+from adrl.observation import EncoderConfig, ObservationEncoder
+from adrl.planning.replanner import Replanner
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.types import RobotConfig
 from map_files import write_map
 from small_run import run_cli
 
@@ -109,13 +115,66 @@ def test_learn_needs_widths(widths: tuple[int, ...]) -> None:
         bench_learn(widths=widths)
 
 
-def test_replan_and_policy_step() -> None:
+class Clock:
+    """Shows 0, 1, 1 + 2, 1 + 2 + 3, ... s: between call k and the next lie k seconds."""
+
+    def __init__(self) -> None:
+        self.calls = 0
+
+    def perf_counter(self) -> float:
+        self.calls += 1
+        return 0.5 * self.calls * (self.calls - 1)
+
+
+def test_replanning_is_timed_once_a_query(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Plain and headings take turns: 1, 5, 9, 13 s and 3, 7, 11, 15 s."""
+    monkeypatch.setattr("adrl.benchmarks.plan.time", Clock())
     results = bench_replan(queries=4)
-    assert results["cells"] == [400, 400]
-    for name in ("plain", "headings"):
-        assert 0.0 < results[name]["p50_ms"] <= results[name]["p99_ms"]
-    step = bench_act(load_policy(default_policy_folder()), steps=20)
-    assert 0.0 < step["p50_ms"] <= step["p99_ms"]
+    assert (results["cells"], results["queries"]) == ([400, 400], 4)
+    assert results["plain"] == pytest.approx({"p50_ms": 7e3, "p99_ms": 13e3 - 0.03 * 4e3})
+    assert results["headings"] == pytest.approx({"p50_ms": 9e3, "p99_ms": 15e3 - 0.03 * 4e3})
+
+
+@pytest.mark.parametrize("k", range(6))
+def test_replanning_is_timed_on_windows_that_have_a_route(k: int) -> None:
+    """Clutter and mazes by turns; every third goal is shut in, and the route ends beside it or at the border."""
+    window, pose, goal = _query(np.random.default_rng(k), k)
+    replanner = Replanner(1, RobotConfig(), ReplannerConfig(cells=SIDE))
+    replanner.b["log_odds"][0] = window
+    replanner.native.plan(np.ones(1, np.uint8), pose, goal)
+    cell = tuple(np.floor(goal[0, ::-1] / 0.05).astype(int))
+    labels = np.empty(window.shape, np.int32)
+    label(window <= 0, output=labels)
+    start = tuple(np.floor(pose[0, 1::-1] / 0.05).astype(int))
+    assert window[start] <= 0
+    if k % 3 == 0:
+        assert labels[cell] != labels[start] or labels[cell] == 0
+        assert replanner.b["found"][0] != 1
+    else:
+        assert replanner.b["found"][0] > 0
+
+
+@pytest.mark.parametrize("history_steps", [0, 3])
+def test_a_policy_step_is_timed_without_the_warm_up(
+    history_steps: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each step looks at the clock when it begins, and those after the warm-up once more; also with motion cues."""
+    encoder = EncoderConfig(history_steps=history_steps)
+    size = ObservationEncoder(RobotConfig(), encoder).size
+    config = PolicyConfig(
+        input_size=size,
+        widths=(4,),
+        robot=dataclasses.asdict(RobotConfig()),
+        encoder=dataclasses.asdict(encoder),
+    )
+    layers = [(np.zeros((i, o), np.float32), np.zeros(o, np.float32)) for i, o in ((size, 4), (4, 2))]
+    clock = Clock()
+    monkeypatch.setattr("adrl.benchmarks.act.time", clock)
+    step = bench_act(MlpPolicy(layers, config), steps=20)
+    assert clock.calls == 60
+    lasted = np.arange(21, 60, 2)  # s, of the steps after 20 of warm-up
+    assert step["p50_ms"] == pytest.approx(1e3 * np.median(lasted))
+    assert step["p99_ms"] == pytest.approx(1e3 * np.percentile(lasted, 99))
 
 
 @pytest.mark.parametrize("seconds", [math.nan, math.inf, 0.0, -1.0])

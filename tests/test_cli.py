@@ -23,6 +23,8 @@ from adrl.commands.evaluate import EvaluateOptions
 from adrl.commands.list import ListOptions
 from adrl.comparison.config import CompareConfig
 from adrl.evaluation.results import read_episodes
+from adrl.evaluation.rollout import Rollout, rollout
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.runs import RunConfig
 from adrl.types import GUIDANCE
 from adrl.worlds import ROBOTS, SCENARIOS
@@ -212,6 +214,28 @@ class TestEvaluate:
             assert np.array_equal(getattr(first, name), getattr(other, name))
         assert np.array_equal(first.final_pose, same.final_pose)
         assert not np.array_equal(first.final_pose, other.final_pose)
+
+    def test_paper_literal_sets_the_replanners_equations(
+        self, run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        used: list[ReplannerConfig] = []
+
+        def spy(*arguments: Any, **options: Any) -> Rollout:
+            used.append(options["replanner"])
+            return rollout(*arguments, **options)
+
+        monkeypatch.setattr("adrl.api.rollout", spy)
+        self.evaluate(run, tmp_path, "--guidance", "replan")
+        self.evaluate(run, tmp_path, "--guidance", "replan", "--paper-literal")
+        plain, literal = used
+        assert (literal.eq18, literal.eq20, literal.eq21) == ("literal",) * 3
+        assert plain != literal == plain.literal()
+
+    def test_paper_literal_without_the_replanner_is_refused(
+        self, run: Path, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        assert run_cli("evaluate", "--policy", run, "--guidance", "goal", "--paper-literal") != 0
+        assert "guidance is goal; give replan" in " ".join(capsys.readouterr().err.split())
 
     def test_json_to_standard_output_is_json_alone(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert run_cli("evaluate", "--policy", "astar-dwa", "--episodes", 4, "--json", "-") == 0

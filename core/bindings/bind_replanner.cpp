@@ -39,12 +39,23 @@ struct BoundReplanner {
     }
 };
 
+void check(const RouteCosts &costs, double resolution) {
+    if (!(costs.inflation >= 0.0 && costs.comfort >= 0.0))
+        throw nb::value_error("inflation_m or comfort_m is negative or not a number");
+    if (!((costs.inflation + costs.comfort) / resolution <= RoutePlanner::kMaxReach)) {
+        throw nb::value_error(("inflation_m + comfort_m is more than " + std::to_string(RoutePlanner::kMaxReach) +
+                               " cells; give less, or a greater resolution_m")
+                                  .c_str());
+    }
+}
+
 void check(const ReplannerSetup &s) {
     const auto positive = [](double x) { return std::isfinite(x) && x > 0.0; };
     if (s.shape.height < 8 || s.shape.width < 8 || s.shape.height > 4096 || s.shape.width > 4096)
         throw nb::value_error("a window has 8 to 4096 cells a side");
     if (!positive(s.shape.resolution) || !positive(s.max_range) || !positive(s.reach))
         throw nb::value_error("resolution_m, max_range_m or reach_m is not positive");
+    check(s.costs, s.shape.resolution);
     const Evidence &e = s.evidence;
     if (e.low > 0 || e.low < -127 || e.high < 1 || e.high > 127 || e.hit <= -e.low || e.hit > 254 || e.miss < 0)
         throw nb::value_error("evidence: give -127 <= low <= 0 < high <= 127, hit > -low and miss >= 0");
@@ -175,17 +186,18 @@ void bind_replanner(nb::module_ &m) {
     nb::class_<BoundReplanner>(m, "Replanner")
         .def(nb::new_(&make_replanner), nb::arg("num_robots"), nb::arg("num_threads"), nb::arg("num_beams"),
              nb::arg("angle_min_rad"), nb::arg("angle_increment_rad"), nb::arg("setup"), nb::arg("buffers"))
-        .def_prop_ro("num_threads", [](const BoundReplanner &self) { return self.native.num_threads(); })
         .def("restart", &restart, nb::arg("mask").noconvert(), nb::arg("pose").noconvert())
         .def("observe", &observe, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(),
              nb::arg("ranges").noconvert())
         .def("plan", &plan, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(), nb::arg("goal").noconvert())
         .def("see", &see, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(), nb::arg("point").noconvert(),
              nb::arg("distance_m"), nb::arg("known"), nb::arg("out").noconvert());
+    m.attr("MAX_CLEARANCE_CELLS") = RoutePlanner::kMaxReach;
     nb::class_<RoutePlanner>(m, "RoutePlanner")
         .def(nb::new_([](int height, int width, double resolution, const RouteCosts &costs) {
                  if (height < 1 || width < 1 || height > 4096 || width > 4096 || !(resolution > 0.0))
                      throw nb::value_error("a window has 1 to 4096 cells a side, of positive size");
+                 check(costs, resolution);
                  return std::make_unique<RoutePlanner>(height, width, resolution, costs);
              }),
              nb::arg("height"), nb::arg("width"), nb::arg("resolution_m"), nb::arg("costs"))

@@ -1,10 +1,15 @@
-// A step, a plan and a reset allocate nothing once the simulator stands: the global operator new counts.
+// Steps, plans, routes and resets allocate nothing once the simulator or planner stands: the global operator new
+// counts.
+#include <algorithm>
 #include <atomic>
 #include <cstdlib>
 #include <new>
+#include <vector>
 
 #include <doctest/doctest.h>
 
+#include "random.hpp"
+#include "route_planner.hpp"
 #include "sim_fixture.hpp"
 
 namespace {
@@ -54,6 +59,31 @@ TEST_CASE("nothing is allocated after construction") {
             fixture.run(20);
             CHECK(allocations.load() == before);
         }
+    }
+}
+
+TEST_CASE("a route allocates nothing, whatever the window") {
+    constexpr int kSide = 200;
+    std::vector<std::int8_t> window(kSide * kSide);
+    for (const bool headings : {false, true}) {
+        CAPTURE(headings);
+        RouteCosts costs;
+        costs.inflation = 0.1;
+        costs.headings = headings;
+        RoutePlanner planner(kSide, kSide, 0.05, costs);
+        long allocated = 0;
+        std::size_t longest = 0;
+        for (int k = 0; k < 40; ++k) {
+            const double density = 0.002 * (k % 10); // from the empty window to one that has no way through
+            for (std::size_t i = 0; i < window.size(); ++i)
+                window[i] = static_cast<std::int8_t>(uniform01(mix64(random_key(k, i))) < density);
+            const long before = allocations.load();
+            const Route route = planner.plan(window.data(), {k, 5}, {kSide - 1 - 2 * k, kSide - 7}, 0.3 * k);
+            allocated += allocations.load() - before;
+            longest = std::max(longest, route.cells->size());
+        }
+        CHECK(allocated == 0);
+        CHECK(longest > kSide / 2);
     }
 }
 

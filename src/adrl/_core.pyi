@@ -209,8 +209,6 @@ class Replanner:
         setup: ReplannerSetup,
         buffers: dict[str, NDArray[Any]],
     ) -> None: ...
-    @property
-    def num_threads(self) -> int: ...
     def restart(self, mask: U8, pose: F64) -> None:
         """Forget everything; the windows are about the robots."""
     def observe(self, mask: U8, pose: F64, ranges: F32) -> None:
@@ -220,6 +218,9 @@ class Replanner:
     def see(self, mask: U8, pose: F64, point: F64, distance_m: float, known: bool, out: U8) -> None:
         """Write into out (N) whether nothing solid is in a robot's way straight to a point (N, 2), for at most
         distance_m of it; known: and all of the line has been seen."""
+
+MAX_CLEARANCE_CELLS: int
+"""What inflation_m and comfort_m may sum to, in cells; ValueError beyond it."""
 
 class RoutePlanner:
     """A* of eq 22 on windows (height, width) i8 of log-odds, with scratch of its own."""

@@ -66,6 +66,7 @@ def evaluate(
     num_threads: int = 0,
     record: int = 0,
     replanner: ReplannerConfig | None = None,
+    paper_literal: bool = False,
     tasks: Sequence[Task] | None = None,
     out: Path | None = None,
     on_step: Callable[[int, int], None] | None = None,
@@ -74,8 +75,8 @@ def evaluate(
 
     policy: "astar-dwa", "default", a run folder, or an object with act(observation). robot, guidance: of the policy's
     training when None. seed: changes the noise only. record: tasks whose routes are kept. replanner: constants of
-    guidance `replan`, those of the training when None. tasks: instead of those of the split. out: folder for
-    episodes.parquet and summary.json. Raises AdrlError.
+    guidance `replan`, those of the training when None. paper_literal: with these, its equations as printed. tasks:
+    instead of those of the split. out: folder for episodes.parquet and summary.json. Raises AdrlError.
     """
     if episodes < 1:
         raise ConfigError(f"episodes is {episodes}; give 1 or more")
@@ -86,6 +87,11 @@ def evaluate(
         policy = load_policy(resolve_policy(policy))
     place = get_scenario(scenario)
     driver, about, encoder, config = _driver(policy, robot, guidance)
+    if paper_literal and about["guidance"] != "replan":
+        raise ConfigError(
+            f"paper_literal sets the equations of guidance replan, and guidance is {about['guidance']}; give replan"
+        )
+    constants = replanner or _replanner_of(driver) or ReplannerConfig()
     if tasks is None:
         tasks = task_set(place, config, split, episodes)
     else:
@@ -96,7 +102,7 @@ def evaluate(
         config,
         guidance=about["guidance"],
         encoder=encoder,
-        replanner=replanner or _replanner_of(driver),
+        replanner=constants.literal() if paper_literal else constants,
         maturity=driver.config.maturity if isinstance(driver, MlpPolicy) else 0.0,
         seed=seed,
         num_threads=num_threads,

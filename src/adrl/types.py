@@ -12,9 +12,6 @@ from adrl import _core
 from adrl.errors import ConfigError
 
 Array = NDArray[np.float64]
-Guidance = str
-"""One of GUIDANCE."""
-
 GUIDANCE = ("goal", "replan", "map")
 Form = Literal["literal", "corrected"]
 """How an equation of the paper is computed: as printed, or as docs/fidelity.md says it has to be read."""

@@ -138,3 +138,16 @@ def test_the_same_planner_forgets_its_last_window() -> None:
     np.testing.assert_array_equal(
         one.plan(second, (0, 0), (17, 17))[0], fresh.plan(second, (0, 0), (17, 17))[0]
     )
+
+
+@pytest.mark.parametrize(
+    ("inflation_m", "fits"), [(8.9, True), (9.0, False), (math.nan, False), (-0.1, False)]
+)
+def test_clearance_that_cannot_be_measured_is_refused(inflation_m: float, fits: bool) -> None:
+    """181 cells of 0.05 m are 9.05 m, of which 0.15 m are comfort."""
+    costs = Costs(inflation_m=inflation_m, comfort_m=0.15, resolution_m=0.05)
+    if fits:
+        planner(costs)
+        return
+    with pytest.raises(ValueError, match="inflation_m"):
+        planner(costs)

@@ -1,5 +1,6 @@
 """Guidance, rewards and the expert as the environment puts them together."""
 
+import dataclasses
 import math
 from itertools import pairwise
 
@@ -189,3 +190,24 @@ def test_the_expert_sees_through_noise_and_around_corners() -> None:
         if terminated[0]:
             break
     assert info["success"][0]  # pyright: ignore
+
+
+def test_the_literal_eq_8_counts_an_obstacle_beside_a_long_robot() -> None:
+    """Its middle is nearer than the circumscribed radius of 0.41 m, and 0.1 m of air is between them."""
+    corners = ((0.4, 0.1), (-0.4, 0.1), (-0.4, -0.1), (0.4, -0.1))
+    robot = quiet(RobotConfig(radius_m=None, footprint_m=corners))
+    beside, clear = (
+        dataclasses.replace(straight_task(robot), world=room(circles=[(-2.0, y, 0.05)])) for y in (0.25, 0.45)
+    )
+    for given, paid in ((beside, -200.0), (clear, 0.0)):
+        env = NavVectorEnv(
+            1,
+            scenario=OneTask(given),
+            robot=robot,
+            randomize=False,
+            reward_config=RewardConfig(eq8="literal"),
+        )
+        env.reset(seed=0)
+        *_, info = env.step(to_action(np.zeros((1, 2)), robot))
+        assert not info["collision"][0]
+        assert info["reward_terms"][0, list(REWARD_TERMS).index("failure")] == paid

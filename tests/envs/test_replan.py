@@ -61,11 +61,18 @@ def test_a_trap_that_goal_guidance_never_leaves_is_left() -> None:
 
 
 def test_a_moving_obstacle_that_stops_in_the_way_is_driven_round() -> None:
-    """A disc comes from the side and stops in the middle of the straight way."""
-    disc = [0.0, 3.0, 0.0, 0.0, 0.5, 1.0, 0.0, 3.0]
-    world = dataclasses.replace(room(10.0), discs=np.array([disc]))
-    driven = run(task(world, (-3.0, 0.0, 0.0), (3.0, 0.0)), "replan")
+    """A disc comes from the side and shuts the doorway in the pocket's back wall. Only the replanner gets out."""
+    plain = u_trap().world
+    halves = (box(1.0, 0.7, 0.06, 0.3), box(1.0, -0.7, 0.06, 0.3))
+    disc = [1.4, 3.0, 1.2, 0.0, 0.5, 1.0, 0.0, math.hypot(0.2, 3.0)]
+    open_door = dataclasses.replace(plain, polygons=(*halves, *plain.polygons[1:]))
+    shut = dataclasses.replace(open_door, discs=np.array([disc]))
+    ends = (-2.5, 0.0, 0.0), (3.0, 0.0)
+    assert run(task(open_door, *ends), "goal").episodes.success[0]
+    assert not run(task(shut, *ends), "goal").episodes.success[0]
+    driven = run(task(shut, *ends), "replan")
     assert driven.episodes.success[0]
+    assert driven.replans[0] >= 1
 
 
 def test_what_has_not_been_seen_does_not_matter() -> None:

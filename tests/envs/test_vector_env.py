@@ -224,3 +224,13 @@ def test_tasks_that_fail_are_drawn_more_often():
         assert ended_in[1, :4].sum() > 20
         crashes[env] = ended_in[1].sum() / ended_in.sum()
     assert crashes[prioritised] > crashes[plain]
+
+
+def test_every_ending_of_a_task_counts():
+    """Robots that end one and the same task in one step: its failure rate falls by 0.3 of itself for each."""
+    env = NavVectorEnv(3, task_pool=1, task_priority=1.0, randomize=False, autoreset_mode="Disabled")
+    env.reset(seed=0)
+    env.sim.b["pose"][:2, :2] = env._pool[0].goal
+    *_, info = env.step(np.zeros((3, 2), np.float32))
+    assert info["success"].tolist() == [True, True, False]
+    assert env.state()["failure_rate"].tolist() == pytest.approx([0.7**2])

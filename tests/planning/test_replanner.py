@@ -1,6 +1,5 @@
 """The replanner: triggers, thresholds and waypoints beside hand-computed numbers and slow twins."""
 
-import dataclasses
 import math
 from collections.abc import Iterator
 from typing import Any
@@ -75,7 +74,7 @@ def test_on_course() -> None:
 def drive(replanner: Replanner, poses: Array, ranges: Array) -> Array:
     """The waypoints (T, 2) of one robot carried along poses (T, 3) with one and the same scan."""
     ranges = np.asarray(ranges, dtype=np.float32)[None]
-    return np.array([replanner.update(ranges, pose[None], np.zeros((1, 2)))[0] for pose in poses])
+    return np.array([replanner.update(ranges, pose[None])[0] for pose in poses])
 
 
 def one_robot(goal: tuple[float, float], maturity: float = 0.0, **changes: Any) -> Replanner:
@@ -117,11 +116,31 @@ def test_a_trapped_robot_triggers_within_three_seconds(name: str, poses: Array) 
     replanner = one_robot((5.0, 0.0))
     for pose in poses:
         turned = np.roll(facing_wall(), -round(pose[2] / ROBOT.lidar.angle_increment_rad)).astype(np.float32)
-        replanner.update(turned[None], pose[None], np.zeros((1, 2)))
+        replanner.update(turned[None], pose[None])
     assert replanner.replans[0] == 1
     assert replanner.following[0]
     assert replanner.waypoints[0, 0] < 2.0
     assert abs(replanner.waypoints[0, 1]) > 0.1  # round the wall
+
+
+@pytest.mark.parametrize("reading", [math.nan, math.inf, -math.inf, 0.0, -1.0])
+def test_beams_that_tell_nothing_do_not_change_the_trigger(reading: float) -> None:
+    """Of a robot stuck before a wall, and of one that drives on freely with a few broken beams."""
+    broken = np.arange(0, BEAMS, 7)
+    for poses, scan in (
+        (np.zeros((31, 3)), facing_wall()),
+        (np.column_stack([0.06 * np.arange(31.0), np.zeros(31), np.zeros(31)]), np.full(BEAMS, RANGE)),
+    ):
+        plain, faulty = scan.copy(), scan.copy()
+        plain[broken], faulty[broken] = RANGE, reading
+        trails = []
+        for ranges in (plain, faulty):
+            replanner = one_robot((5.0, 0.0))
+            drive(replanner, poses, ranges)
+            trails.append((replanner.replans[0], replanner.b["clearances"].copy()))
+        assert trails[0][0] == trails[1][0]
+        np.testing.assert_array_equal(trails[0][1], trails[1][1])
+        assert trails[0][0] == (poses[-1, 0] == 0.0)
 
 
 def test_the_literal_trigger_misses_an_oscillating_robot() -> None:
@@ -147,11 +166,21 @@ def test_a_mature_policy_is_left_alone_for_longer() -> None:
     assert replans(1.0, "literal") == 1
 
 
-def test_a_robot_shut_in_keeps_the_goal() -> None:
+@pytest.mark.parametrize("ring_m", [0.22, 0.3])
+def test_a_robot_that_can_reach_no_other_place_keeps_the_goal(ring_m: float) -> None:
+    replanner = one_robot((5.0, 0.0))
+    waypoints = drive(replanner, np.zeros((40, 3)), np.full(BEAMS, ring_m))
+    assert replanner.replans[0] >= 1
+    np.testing.assert_array_equal(waypoints, np.tile([5.0, 0.0], (40, 1)))
+
+
+def test_a_robot_shut_in_with_room_heads_for_the_place_nearest_to_the_goal() -> None:
+    """0.35 m all round: the radius of 0.2 m and the margin leave a cell or two on the goal's side."""
     replanner = one_robot((5.0, 0.0))
     waypoints = drive(replanner, np.zeros((40, 3)), np.full(BEAMS, 0.35))
-    assert replanner.replans[0] >= 1
-    assert np.isfinite(waypoints).all()
+    assert replanner.replans[0] == 1
+    assert 0.0 < waypoints[-1, 0] <= 0.15
+    assert abs(waypoints[-1, 1]) < 0.05
 
 
 def test_handed_back_when_the_goal_is_seen() -> None:
@@ -177,14 +206,14 @@ def test_the_waypoint_is_the_twins(form: Form, seed: int) -> None:
     solid = np.random.default_rng(seed).random((80, 80)) < 0.004
     solid[34:46, 34:46] = False  # room about the robot
     solid[55:60, 70:75] = False  # and the goal
-    replanner._b["log_odds"][0] = solid
+    replanner.b["log_odds"][0] = solid
     mask = np.ones(1, dtype=np.uint8)
-    replanner._native.plan(mask, pose[None], goal[None])
-    assert replanner._b["found"][0] == 1
+    replanner.native.plan(mask, pose[None], goal[None])
+    assert replanner.b["found"][0] == 1
     scores = candidate_scores(replanner, solid, pose, goal, form)
     best = min(scores.values())
     farthest = [point for point, score in scores.items() if score <= best + 1e-9][-1]
-    np.testing.assert_allclose(replanner._b["waypoint"][0], farthest)
+    np.testing.assert_allclose(replanner.b["waypoint"][0], farthest)
 
 
 def candidate_scores(
@@ -194,7 +223,7 @@ def candidate_scores(
 
     config, res = replanner.config, replanner.config.resolution_m
     native = config.route_costs(ROBOT)
-    origin = replanner._b["origin"][0]
+    origin = replanner.b["origin"][0]
 
     def cell(p: Array) -> tuple[int, int]:
         return int(math.floor(p[1] / res) - origin[0]), int(math.floor(p[0] / res) - origin[1])
@@ -221,7 +250,7 @@ def candidate_scores(
         if along > config.lookahead_m or (along < config.min_interval_m and k < len(route) - 1):
             continue
         seen = np.zeros(1, dtype=np.uint8)
-        replanner._native.see(np.ones(1, np.uint8), pose[None], point[None], np.inf, False, seen)
+        replanner.native.see(np.ones(1, np.uint8), pose[None], point[None], np.inf, False, seen)
         if seen[0] and form == "literal":
             scores[tuple(point)] = math.dist(point, goal) + total
         elif seen[0]:
@@ -282,10 +311,10 @@ def test_state_round_trip() -> None:
     one, other = (Replanner(3, ROBOT, config, num_threads=k) for k in (1, 2))
     one.reset(np.arange(3), goals, poses[0])
     for pose, scan in zip(poses[:40], scans[:40], strict=True):
-        one.update(scan, pose, np.zeros((3, 2)))
+        one.update(scan, pose)
     other.set_state(one.state())
     for pose, scan in zip(poses[40:], scans[40:], strict=True):
-        a, b = (r.update(scan, pose, np.zeros((3, 2))) for r in (one, other))
+        a, b = (r.update(scan, pose) for r in (one, other))
         np.testing.assert_array_equal(a, b)
     assert one.replans.sum() > 0
     for name, array in one.state().items():
@@ -298,7 +327,7 @@ def test_robots_that_are_not_active_are_left_alone() -> None:
     before = replanner.state()
     scan = np.tile(facing_wall().astype(np.float32), (2, 1))
     for _ in range(30):
-        replanner.update(scan, np.zeros((2, 3)), np.zeros((2, 2)), np.array([True, False]))
+        replanner.update(scan, np.zeros((2, 3)), np.array([True, False]))
     assert replanner.replans.tolist() == [1, 0]
     for name, array in replanner.state().items():
         np.testing.assert_array_equal(array[1], before[name][1], err_msg=name)
@@ -313,4 +342,13 @@ def test_bad_config(field: str, value: Any) -> None:
         ReplannerConfig(**{field: value})
     with pytest.raises(ConfigError, match="k_obstacle"):
         ReplannerConfig(k_obstacle=0.0, k_proximity=0.0, k_turn=0.0)
-    assert dataclasses.is_dataclass(ReplannerConfig())
+
+
+def test_clearance_beyond_what_is_measured_is_refused() -> None:
+    """181 cells are 9.05 m at 0.05 m: the robot's 0.2 m, the margin of 0.05 m and 8.8 m of comfort."""
+    radius_m = ROBOT.circumscribed_radius_m
+    fits = ReplannerConfig(comfort_m=9.0 - radius_m)
+    assert fits.route_costs(ROBOT).comfort_m == fits.comfort_m
+    with pytest.raises(ConfigError, match="comfort_m"):
+        ReplannerConfig(comfort_m=9.1 - radius_m).route_costs(ROBOT)
+    ReplannerConfig(comfort_m=9.1 - radius_m, resolution_m=0.06).route_costs(ROBOT)

@@ -7,6 +7,7 @@ import numpy as np
 
 from adrl.deploy.policy import MlpPolicy
 from adrl.errors import ConfigError
+from adrl.motion import ScanHistory
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_twist
 from adrl.worlds import robot_from_fields
 
@@ -23,10 +24,17 @@ def bench_act(policy: MlpPolicy, *, steps: int = 5000) -> dict[str, Any]:
     scans = rng.uniform(0.2, robot.lidar.max_range_m, (16, 1, robot.lidar.num_beams)).astype(np.float32)
     pose, goal, twist = np.zeros((1, 3)), np.array([[3.0, 1.0]]), np.zeros((1, 2))
     action = np.zeros((1, 2), dtype=np.float32)
+    history = None
+    if encoder.config.history_steps > 0:
+        history = ScanHistory(1, robot.lidar.num_beams, encoder.config.history_steps)
+        history.begin(np.array([0]), scans[0], pose)
     durations = np.empty(steps)
     for k in range(-min(WARM_UP, steps), steps):
         begin = time.perf_counter()
-        seen = encoder.encode(scans[k % len(scans)], in_robot_frame(pose, goal), twist, action)
+        scan = scans[k % len(scans)]
+        if history is not None:
+            history.add(scan, pose)
+        seen = encoder.encode(scan, in_robot_frame(pose, goal), twist, action, history)
         action = policy.act(seen)
         twist = to_twist(action, robot)
         if k >= 0:

@@ -26,6 +26,8 @@ class EvaluateOptions(Place):
     guidance: Literal["goal", "replan", "map"] | None = None
     """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when stuck;
     map: a waypoint on the A* path of the known map. As trained when left out."""
+    paper_literal: bool = False
+    """Guidance replan computes eqs 18, 20 and 21/23 exactly as printed; docs/fidelity.md lists the differences."""
     split: Literal["train", "validation", "test"] = "test"
     """Which tasks: task i of a split is the same for ever."""
     episodes: int = 500
@@ -61,6 +63,7 @@ def main(arguments: Sequence[str]) -> int:
             scenario=options.load(),
             robot=options.robot,
             guidance=options.guidance,
+            paper_literal=options.paper_literal,
             split=options.split,
             episodes=options.episodes,
             seed=options.seed,

@@ -161,7 +161,7 @@ class NavSim:
             timed_out=timed_out,
             displacement_m=moved,
             turn_rad=_wrap(b["pose"][:, 2] - before_pose[:, 2]),
-            coordinate_distance_m=self._coordinate_distance(collided),
+            coordinate_distance_m=self._coordinate_distance(),
             previous_distance_m=before_distance,
             heading_error_rad=_heading_error(self._guided_pose(), before_waypoint),
             previous_heading_error_rad=_heading_error(before_guided, before_waypoint),
@@ -175,7 +175,7 @@ class NavSim:
         )
         if self.replanner is not None:
             active = b["active"].astype(bool)
-            b["waypoint"][:] = self.replanner.update(b["ranges"], b["odometry"], b["twist"], active)
+            b["waypoint"][:] = self.replanner.update(b["ranges"], b["odometry"], active)
             step = dataclasses.replace(step, distance_m=self._distance())
         self._features = features(step, self.reward)
         return outcome
@@ -236,14 +236,15 @@ class NavSim:
         """(N, 3) poses in the frame that waypoints are given in: replanned ones are in the odometry's."""
         return self.b["pose"] if self.replanner is None else self.b["odometry"]
 
-    def _coordinate_distance(self, rows: Mask) -> Array:
+    def _coordinate_distance(self) -> Array:
         """(N,) metres from the robot's centre to the nearest obstacle's coordinates, for the literal eq 8.
 
-        Looked up in `rows` only, those in contact: without contact no obstacle's middle is as near as d_r.
+        Looked up for that form only, for every active robot: d_r is the circumscribed radius, and an obstacle beside
+        a long robot may have its middle nearer than that without contact.
         """
         distance = np.full(self.num_envs, np.inf)
         if self.reward.eq8 == "literal":
-            for i in np.flatnonzero(rows):
+            for i in np.flatnonzero(self.b["active"]):
                 task = self.tasks[i]
                 assert task is not None
                 offsets = task.world.coordinates(float(self.b["time"][i])) - self.b["pose"][i, :2]

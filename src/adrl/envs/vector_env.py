@@ -156,8 +156,11 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         }
         ended = terminated | truncated
         if ended.any():
-            tried = self._task_index[ended]
-            self._failure_rate[tried] += FAILURE_GAIN * (~outcome.reached[ended] - self._failure_rate[tried])
+            for i in np.flatnonzero(ended):  # one by one: several robots may have driven the same task
+                task = self._task_index[i]
+                self._failure_rate[task] += FAILURE_GAIN * (
+                    float(~outcome.reached[i]) - self._failure_rate[task]
+                )
         if self._autoreset is AutoresetMode.SAME_STEP and ended.any():
             info["_final_obs"] = ended
             self._begin(np.flatnonzero(ended))

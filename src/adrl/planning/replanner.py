@@ -1,8 +1,8 @@
 """Adaptive replanning, section III-C: from the robot's own scans and odometry to the point it should head for.
 
 A robot follows the final goal until eq 18 finds it stagnant. Then it plans on what it has mapped itself (eq 22), heads
-for waypoints of the route (eqs 21 and 23), plans anew as it sees more, and is handed back to the goal when nothing it
-knows of stands between them, or the route has become nearly straight.
+for waypoints of the route (eqs 21 and 23), plans anew as it sees more, and is handed back to the goal when it has seen
+all of the way between them to be free.
 """
 
 from collections.abc import Mapping
@@ -88,7 +88,7 @@ def on_course(motion: Motion, least_m: float) -> Mask:
 
 
 class Replanner:
-    """Waypoints for N robots of one kind. All that changes is in arrays: see state().
+    """Waypoints for N robots of one kind. All that changes is in the arrays `b`: see state(). `native` is the core's.
 
     Poses and goals are in the frame of the odometry. `replans` (N,) counts the interventions since reset.
     """
@@ -116,32 +116,32 @@ class Replanner:
         )
         angles = robot.lidar.angles_rad + robot.lidar.mount_yaw_rad
         self._extent = footprint_extent(robot, angles).astype(np.float32)
-        self._b = _buffers(num_robots, self._window + 1, self.config.cells)
-        self._native = self._make_native(num_robots, num_threads)
+        self.b = _buffers(num_robots, self._window + 1, self.config.cells)
+        self.native = self._make_native(num_robots, num_threads)
 
     @property
     def replans(self) -> NDArray[np.int64]:
         """(N,) interventions since the robot's reset."""
-        return self._b["replans"]
+        return self.b["replans"]
 
     @property
     def following(self) -> Mask:
         """(N,) robots that follow a route of their own rather than the goal."""
-        return self._b["following"].astype(bool)
+        return self.b["following"].astype(bool)
 
     @property
     def beyond_m(self) -> Array:
         """(N,) metres of route from the waypoint to the goal; 0 for a robot that heads for the goal itself."""
-        return self._b["beyond"]
+        return self.b["beyond"]
 
     @property
     def waypoints(self) -> Array:
         """(N, 2) where to head for: a copy."""
-        return np.where(self.following[:, None], self._b["waypoint"], self._b["goal"])
+        return np.where(self.following[:, None], self.b["waypoint"], self.b["goal"])
 
     def reset(self, indices: NDArray[np.intp], goals: Array, odometry: Array) -> None:
         """Begin anew with robots `indices` (M,): goals (M, 2), odometry (M, 3) where they stand. The map is empty."""
-        b = self._b
+        b = self.b
         mask = np.zeros(len(b["goal"]), dtype=np.uint8)
         mask[indices] = 1
         poses = np.zeros((len(mask), 3))
@@ -149,18 +149,18 @@ class Replanner:
         b["goal"][indices] = goals
         for name in ("replans", "following", "since_plan", "recorded", "beyond"):
             b[name][indices] = 0
-        self._native.restart(mask, poses)
+        self.native.restart(mask, poses)
 
-    def update(self, ranges: F32, odometry: Array, twist: Array, active: Mask | None = None) -> Array:
-        """One control period: (N, K) ranges, (N, 3) odometry, (N, 2) twists -> (N, 2) waypoints.
+    def update(self, ranges: F32, odometry: Array, active: Mask | None = None) -> Array:
+        """One control period: (N, K) ranges, (N, 3) odometry -> (N, 2) waypoints.
 
-        active (N,): the other robots are left as they are.
+        A range that is not finite or not positive tells nothing. active (N,): the other robots are left as they are.
         """
-        b = self._b
+        b = self.b
         awake = np.ones(len(odometry), dtype=bool) if active is None else np.asarray(active, dtype=bool)
         odometry = np.ascontiguousarray(odometry, dtype=np.float64)
-        self._native.observe(awake.astype(np.uint8), odometry, np.ascontiguousarray(ranges, dtype=np.float32))
-        clearance = np.maximum((ranges - self._extent).min(axis=1), 0.0)
+        self.native.observe(awake.astype(np.uint8), odometry, np.ascontiguousarray(ranges, dtype=np.float32))
+        clearance = self._clearance(ranges)
         self._record(awake, odometry, clearance)
         following = b["following"].astype(bool)
         triggered = awake & ~following & self._triggered(odometry, clearance)
@@ -171,22 +171,28 @@ class Replanner:
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Copies of all that changes."""
-        return {name: array.copy() for name, array in self._b.items()}
+        return {name: array.copy() for name, array in self.b.items()}
 
     def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Continue from what state() returned."""
-        for name, array in self._b.items():
+        for name, array in self.b.items():
             array[:] = state[name]
 
+    def _clearance(self, ranges: F32) -> Array:
+        """(N,) metres from the footprint to the nearest hit. Beams that tell nothing count as free."""
+        told = np.isfinite(ranges) & (ranges > 0.0)
+        seen = np.where(told, ranges, np.float32(self.robot.lidar.max_range_m))
+        return np.maximum((seen - self._extent).min(axis=1), 0.0)
+
     def _record(self, awake: Mask, odometry: Array, clearance: Array) -> None:
-        b = self._b
+        b = self.b
         for name, newest in (("places", odometry[:, :2]), ("clearances", clearance)):
             b[name][awake, :-1] = b[name][awake, 1:]
             b[name][awake, -1] = newest[awake]
         b["recorded"][awake] = np.minimum(b["recorded"][awake] + 1, self._window + 1)
 
     def _motion(self) -> Motion:
-        places, clearances, goal = self._b["places"], self._b["clearances"], self._b["goal"]
+        places, clearances, goal = self.b["places"], self.b["clearances"], self.b["goal"]
         steps = np.diff(places, axis=1)
         return Motion(
             travelled_m=np.hypot(steps[..., 0], steps[..., 1]).sum(axis=1),
@@ -203,17 +209,17 @@ class Replanner:
         """
         threat = np.clip(1.0 - clearance / self.config.safe_clearance_m, 0.0, 1.0)
         thresholds = adapt(self._basic, threat, self.maturity, self.config)
-        full = self._b["recorded"] > self._window
+        full = self.b["recorded"] > self._window
         motion = self._motion()
         stuck = full & stagnant(motion, thresholds, self.config.eq18)
         if self.config.eq18 == "corrected" and stuck.any():
             straight_on = stuck & on_course(motion, 0.01 * self._span_m)
-            stuck &= ~self._sees(straight_on, odometry, self._b["goal"], self.config.conflict_m)
+            stuck &= ~self._sees(straight_on, odometry, self.b["goal"], self.config.conflict_m)
         return stuck
 
     def _due(self, following: Mask, odometry: Array) -> Mask:
         """(N,) robots on a route that need a new plan: in time, at the waypoint, or cut off from it."""
-        b = self._b
+        b = self.b
         due = following & (b["since_plan"] >= self._interval)
         rest = following & ~due & (b["since_plan"] >= LEAST_STEPS)
         arrived = np.hypot(*(b["waypoint"] - odometry[:, :2]).T) < self.config.arrival_m
@@ -225,8 +231,8 @@ class Replanner:
         """Plan for the chosen robots, or hand them back to the goal."""
         if not chosen.any():
             return
-        b = self._b
-        self._native.plan(chosen.astype(np.uint8), odometry, b["goal"])
+        b = self.b
+        self.native.plan(chosen.astype(np.uint8), odometry, b["goal"])
         back = chosen & (b["found"] == 0)
         back |= self._sees(chosen, odometry, b["goal"], np.inf, known=True)
         ahead = np.hypot(*(b["waypoint"] - odometry[:, :2]).T)
@@ -246,7 +252,7 @@ class Replanner:
         """
         out = np.zeros(len(mask), dtype=np.uint8)
         if mask.any():
-            self._native.see(mask.astype(np.uint8), odometry, points, distance_m, known, out)
+            self.native.see(mask.astype(np.uint8), odometry, points, distance_m, known, out)
         return out.astype(bool)
 
     def _make_native(self, num_robots: int, num_threads: int) -> "_core.Replanner":
@@ -273,7 +279,7 @@ class Replanner:
             waypoint=rules,
         )
         beams = lidar.num_beams, lidar.angle_min_rad, lidar.angle_increment_rad
-        return _core.Replanner(num_robots, num_threads, *beams, setup, self._b)
+        return _core.Replanner(num_robots, num_threads, *beams, setup, self.b)
 
 
 def _buffers(n: int, window: int, cells: int) -> dict[str, NDArray[Any]]:

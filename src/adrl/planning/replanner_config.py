@@ -110,9 +110,19 @@ class ReplannerConfig:
         return max(1, round(duration_s / robot.control_period_s))
 
     def route_costs(self, robot: RobotConfig) -> "_core.RouteCosts":
-        """Eq 22 for a robot, taken for its circumscribed disc, as the core wants it."""
+        """Eq 22 for a robot, taken for its circumscribed disc, as the core wants it.
+
+        Raises ConfigError for clearances of too many cells.
+        """
         costs = _core.RouteCosts()
         costs.inflation_m = robot.circumscribed_radius_m + self.margin_m
+        most_m = _core.MAX_CLEARANCE_CELLS * self.resolution_m
+        if costs.inflation_m + self.comfort_m > most_m:
+            raise ConfigError(
+                f"replanner: robot {robot.name!r} with margin_m and comfort_m needs "
+                f"{costs.inflation_m + self.comfort_m:.2f} m of clearance, more than the {most_m:.2f} m of "
+                f"{_core.MAX_CLEARANCE_CELLS} cells; lower comfort_m or raise replanner.resolution_m"
+            )
         costs.comfort_m, costs.near_goal_m, costs.weight = (
             self.comfort_m,
             self.near_goal_m,
