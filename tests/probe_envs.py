@@ -45,6 +45,10 @@ class ProbeEnv:
         """(N,) next x."""
         return self._x
 
+    def fail(self) -> NDArray[np.bool_]:
+        """(N,) whether the step that ended in the present x failed, which ends the episode."""
+        return np.zeros(self.num_envs, bool)
+
     def expert_actions(self) -> F32:
         """(N, 2)."""
         return np.full((self.num_envs, 2), 0.5, np.float32)
@@ -59,21 +63,22 @@ class ProbeEnv:
         rewards = self.pay(actions).astype(np.float32)
         self._x = self.move(actions).astype(np.float32)
         self._t = self._t + 1
-        ended = self._t >= self.length
+        failed = self.fail()
+        ended = (self._t >= self.length) | failed
         final = self._observe().copy()
         self._x = np.where(ended, self.start(), self._x)
         self._t[ended] = 0
         terms = np.zeros((self.num_envs, 6), np.float32)
-        terms[:, 0] = rewards
+        terms[:, 0], terms[:, 1] = rewards, -failed.astype(np.float32)
         info = {
             "reward_terms": terms,
             "features": np.zeros((self.num_envs, 3), np.float32),
             "final_obs": final,
-            "success": ended & (rewards > 0),
-            "collision": np.zeros(self.num_envs, bool),
+            "success": ended & ~failed & (rewards > 0),
+            "collision": failed,
         }
-        none = np.zeros(self.num_envs, bool)
-        terminated, truncated = (none, ended) if self.truncates else (ended, none)
+        terminated = failed if self.truncates else ended
+        truncated = ended & ~terminated
         return self._observe(), rewards, terminated, truncated, info
 
     def state(self) -> dict[str, NDArray[Any]]:
@@ -159,6 +164,13 @@ class Walk(ProbeEnv):
 
     def move(self, action: F32) -> F32:
         return self._x + np.float32(0.1) * action[:, 0]
+
+
+class Stumble(Walk):
+    """A walk that also fails, now and then: left of -0.9."""
+
+    def fail(self) -> NDArray[np.bool_]:
+        return self._x < -0.9
 
 
 def record_demonstrations(env: ProbeEnv, rows: int) -> Demonstrations:

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,11 +12,31 @@ from adrl.agents.interface import Evaluate, Progress, TrainResult, Validation
 from adrl.agents.train import train
 from adrl.imitation.demonstrations import Demonstrations
 from adrl.imitation.probe import record_probe
-from adrl.imitation.schedule import ScheduleConfig
-from probe_envs import PLAIN, Walk, record_demonstrations
+from adrl.imitation.schedule import Driver, ScheduleConfig
+from adrl.observation import Mirror
+from probe_envs import PLAIN, Stumble, Walk, record_demonstrations
 
 NUM_ENVS = 4
 VALIDATION = Validation(success=0.5, start=np.zeros((3, 2), np.float32), discounted_return=0.25)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What a run has beside config()."""
+
+    driver: Driver = "value"
+    env: type[Walk] = Walk
+    failure_share: float = 0.0
+    mirror: Mirror | None = None
+
+
+KINDS = {
+    "value": Kind(),
+    "return": Kind(driver="return"),
+    "failures": Kind(
+        env=Stumble, failure_share=0.5, mirror=Mirror(np.array([0, 1]), np.array([-1.0, 1.0], np.float32))
+    ),
+}
 
 
 def config(steps: int) -> TrainConfig:
@@ -45,13 +66,17 @@ def run(
     resume: bool = False,
     on_progress: Callable[[Progress], None] | None = None,
     evaluate: Evaluate | None = None,
+    kind: Kind = KINDS["value"],
 ) -> TrainResult:
+    base = config(steps)
+    schedule = replace(base.schedule, driver=kind.driver)
     return train(
-        config(steps),
-        Walk(NUM_ENVS),
+        replace(base, schedule=schedule, failure_share=kind.failure_share),
+        kind.env(NUM_ENVS),
         out,
         demonstrations=demonstrations(),
         probe=record_probe(Walk(NUM_ENVS), seed=7, max_steps=20),
+        mirror=kind.mirror,
         evaluate=evaluate or (lambda policy, maturity: VALIDATION),
         on_progress=on_progress,
         resume=resume,

@@ -20,6 +20,7 @@ from adrl.baselines import SB3_METHODS
 from adrl.comparison.compare import compare
 from adrl.comparison.config import CompareConfig, differences, from_document
 from adrl.comparison.jobs import all_jobs
+from adrl.comparison.pool import cache_path, log_path, run_all
 from adrl.comparison.results import Run, markdown, method_rows
 from adrl.errors import AdrlError, ConfigError, UnknownName
 from adrl.evaluation.metrics import SAMPLES, Episodes
@@ -71,6 +72,8 @@ class TestConfig:
             ({"methods": "adlr"}, UnknownName),
             ({"methods": " , "}, ConfigError),
             ({"eval_guidance": "gaol"}, UnknownName),
+            ({"guidance": "gaol", "eval_guidance": "map"}, UnknownName),
+            ({"guidance": "map,goal"}, UnknownName),
             ({"seeds": 0}, ConfigError),
             ({"episodes": 0}, ConfigError),
             ({"workers": -1}, ConfigError),
@@ -200,6 +203,7 @@ def test_a_killed_comparison_goes_on_without_repeating_anything(
     names = {"adrl-s0", "td3-s0", "adrl-s1", "td3-s1", "astar-dwa"}
     assert {path.parent.name for path in out.glob("*/summary.json")} == names
     assert not list(out.rglob("*.tmp"))
+    assert not (out / "cache").exists(), "compiled programs are the job's alone"
 
     whole = contents(out)
     assert run_cli("compare", *options, "--episodes", 5) == 2
@@ -250,6 +254,7 @@ def test_a_failed_job_is_named_and_the_others_go_on(
     assert [row["method"] for row in results["rows"]] == ["td3", "astar-dwa"]
     assert results["missing"] == ["adrl-s0"]
     assert "adrl-s0" in (out / "table.md").read_text()
+    assert not (out / "cache").exists()
 
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
@@ -257,3 +262,53 @@ def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="something else"):
         compare(CompareConfig(learner=BUDGET, out=tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
+
+
+def no_work(config: CompareConfig, jobs: Any, tell: Any) -> list[Any]:
+    return []
+
+
+def test_methods_may_be_added_but_not_become_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A new version's method of the same name is another method: its results do not mix with the old ones."""
+    monkeypatch.setattr("adrl.comparison.compare.run_all", no_work)
+    config = CompareConfig(methods="adrl,td3bc", learner=BUDGET, out=tmp_path / "out")
+    compare(config)
+    settings = tmp_path / "out" / "settings.json"
+    stored = json.loads(settings.read_text())["methods"]
+    assert stored["td3bc"]["schedule"]["lambda_max"] == 0.4
+    assert "seed" not in stored["adrl"]
+    more = replace(config, methods="td3,adrl", learner=replace(BUDGET, seed=3))
+    compare(more)
+    assert list(json.loads(settings.read_text())["methods"]) == ["adrl", "td3bc", "td3"]
+
+    whole = contents(tmp_path)
+    monkeypatch.setitem(
+        METHODS, "td3bc", lambda learner: replace(METHODS["bc"](learner), static_maturity=0.3)
+    )
+    with pytest.raises(ConfigError, match=r"td3bc\.static_maturity: 0\.5 there, 0\.3 here"):
+        compare(config)
+    assert contents(tmp_path) == whole, "a refusal touches nothing"
+    compare(more)  # whoever does not ask for it goes on
+
+
+def test_each_job_compiles_into_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Empty at its start, also where a killed comparison left something, and gone at its end."""
+    config = CompareConfig(methods="td3", seeds=2, learner=BUDGET, out=tmp_path / "out", workers=1)
+    jobs = all_jobs(config)
+    for job in jobs:
+        cache_path(config, job).mkdir(parents=True)
+        (cache_path(config, job) / "old").touch()
+    looks_and_writes = (
+        "import os, pathlib; folder = pathlib.Path(os.environ['JAX_COMPILATION_CACHE_DIR']); "
+        "print(folder.exists(), folder); folder.mkdir(parents=True); (folder / 'new').touch()"
+    )
+    real = subprocess.Popen
+
+    def popen(command: list[str], **options: Any) -> Any:
+        return real([command[0], "-c", looks_and_writes], **options)
+
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    assert run_all(config, jobs, lambda ended, running: None) == jobs, "none wrote a result"
+    for job in jobs:
+        assert log_path(config, job).read_text() == f"False {cache_path(config, job)}\n"
+    assert not (tmp_path / "out" / "cache").exists()

@@ -4,6 +4,7 @@ import contextlib
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from typing import IO
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -18,16 +19,22 @@ def usable_cores() -> list[int]:
     return sorted(os.sched_getaffinity(0))
 
 
-def start_module(module: str, *arguments: str, stdout: int | IO[bytes], stderr: int | None = None) -> Process:
+def start_module(
+    module: str,
+    *arguments: str,
+    stdout: int | IO[bytes],
+    stderr: int | None = None,
+    environment: Mapping[str, str] | None = None,
+) -> Process:
     """Start python -m module with an open pipe as its standard input.
 
     The module takes the pipe's end for the end of its parent, and must call bind_to_core before it imports JAX.
-    stdout, stderr: as Popen takes them.
+    stdout, stderr: as Popen takes them. environment: variables beside those of this process.
     """
     return subprocess.Popen(
         [sys.executable, "-m", module, *arguments],
         stdin=subprocess.PIPE,
-        env=os.environ | ONE_THREAD,
+        env=os.environ | ONE_THREAD | dict(environment or {}),
         # Ctrl-C is for the parent, which then ends its children.
         start_new_session=True,
         stdout=stdout,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import resume_run
 from adrl.agents.config import TrainConfig
-from adrl.agents.metrics import EpisodeTally, MetricsLog, reward_row
+from adrl.agents.metrics import EpisodeTally, MetricsLog, crossed, reward_row, spent_fraction
 from adrl.errors import CheckpointError, ConfigError
 from adrl.rewards import REWARD_TERMS, RewardConfig, weights
 
@@ -114,3 +114,21 @@ def test_reward_rows_are_means():
     assert_allclose(row["term/obstacle"], terms[..., 4].mean(), rtol=1e-4)
     expected = weights(features, 0.3, RewardConfig())[..., 5].mean()
     assert_allclose(row["weight/stagnation"], expected, rtol=1e-4)
+
+
+@pytest.mark.parametrize("step", [1, 7, 64])
+@pytest.mark.parametrize("interval", [1, 10, 64, 100])
+def test_an_interval_is_due_once_for_each_multiple_that_steps_pass(step: int, interval: int):
+    ends = range(step, 40 * step + 1, step)
+    due = [end for end in ends if crossed(end, step, interval)]
+    assert due == [end for end in ends if any(k % interval == 0 for k in range(end - step + 1, end + 1))]
+    assert not any(crossed(end, step, None) for end in ends)
+
+
+def test_the_budget_that_is_spent_first_counts():
+    assert spent_fraction(50, 3.0, 100, None) == 0.5
+    assert spent_fraction(50, 3.0, None, 4.0) == 0.75
+    assert spent_fraction(50, 3.0, 100, 4.0) == 0.75
+    assert spent_fraction(90, 3.0, 100, 4.0) == 0.9
+    assert spent_fraction(0, 0.0, 100, 4.0) == 0.0
+    assert spent_fraction(101, 5.0, 100, 4.0) == 1.0

@@ -11,8 +11,10 @@ from numpy.testing import assert_allclose, assert_array_equal
 from adrl.agents.replay import Replay
 from adrl.errors import CheckpointError, DatasetError
 from adrl.imitation.demonstrations import Demonstrations
+from adrl.observation import Mirror
 
 GAMMA, D = 0.9, 3
+MIRROR = Mirror(np.array([1, 0, 2]), np.array([1.0, 1.0, -1.0], np.float32))
 
 
 def fill(replay: Replay, steps: int, seed: int) -> list[deque[dict]]:
@@ -215,3 +217,45 @@ def test_the_last_rows_lead_to_failures(num_envs: int, steps: int, n_step: int, 
                 assert_allclose(got[: len(value)] if value.ndim else got, value, rtol=1e-6)
             seen.add(key)
     assert len(seen) > 1 or len(expected) == 1
+
+
+def mirrored_observation(rows: np.ndarray) -> np.ndarray:
+    """What MIRROR makes of (..., 3) observations, written out."""
+    return np.stack([rows[..., 1], rows[..., 0], -rows[..., 2]], axis=-1)
+
+
+def mirrored_action(rows: np.ndarray) -> np.ndarray:
+    return np.stack([rows[..., 0], -rows[..., 1]], axis=-1)
+
+
+@pytest.mark.parametrize("failure_share", [0.0, 0.25])
+def test_every_other_row_is_mirrored_as_a_whole(failure_share: float):
+    """Observation, successor and action of a row together; what it paid and the rows between stay as they were."""
+    plain, ours = (
+        Replay(12, 2, D, 3, GAMMA, demonstrations(), mirror=mirror, failure_share=failure_share)
+        for mirror in (None, MIRROR)
+    )
+    for replay in (plain, ours):
+        fill(replay, 30, 0)
+    one, other = (replay.sample(np.random.default_rng(3), 4, 21, 20) for replay in (plain, ours))
+    moved = {
+        "observation": mirrored_observation,
+        "bootstrap_observation": mirrored_observation,
+        "action": mirrored_action,
+    }
+    for name, before, after in zip(one._fields, one, other, strict=True):
+        assert_array_equal(after[:, 1::2], before[:, 1::2], err_msg=name)
+        expected = moved[name](before[:, ::2]) if name in moved else before[:, ::2]
+        assert_array_equal(after[:, ::2], expected, err_msg=name)
+    for name, array in plain.state().items():
+        assert_array_equal(ours.state()[name], array, err_msg="the store itself was mirrored")
+
+
+def test_every_other_label_is_mirrored_with_its_state():
+    plain, ours = (Replay(12, 2, D, 3, GAMMA, demonstrations(), mirror=m) for m in (None, MIRROR))
+    one, other = (replay.sample_labels(np.random.default_rng(3), (4, 21)) for replay in (plain, ours))
+    assert_array_equal(other.observation[:, 1::2], one.observation[:, 1::2])
+    assert_array_equal(other.action[:, 1::2], one.action[:, 1::2])
+    assert_array_equal(other.observation[:, ::2], mirrored_observation(one.observation[:, ::2]))
+    assert_array_equal(other.action[:, ::2], mirrored_action(one.action[:, ::2]))
+    assert ours.checksum() == plain.checksum(), "the store itself was mirrored"

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,11 +22,14 @@ from probe_envs import Walk
 STEPS = 600
 
 
+Outcome = tuple[bytes, list[dict[str, Any]]]
+
+
 class Killed(BaseException):
     """Stands for the death of the process."""
 
 
-def outcome(out: Path) -> tuple[bytes, list[dict[str, object]]]:
+def outcome(out: Path) -> Outcome:
     """The policy's bytes and the metrics, without what tells the time."""
     rows = [json.loads(line) for line in (out / "metrics.jsonl").read_text().splitlines()]
     for row in rows:
@@ -34,17 +38,17 @@ def outcome(out: Path) -> tuple[bytes, list[dict[str, object]]]:
 
 
 @pytest.fixture(scope="module")
-def never_killed(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, list[dict[str, object]]]:
+def never_killed(tmp_path_factory: pytest.TempPathFactory) -> Outcome:
     out = tmp_path_factory.mktemp("whole")
     result = resume_run.run(out, STEPS)
     assert result.env_steps == STEPS
     rows = outcome(out)[1]
     assert rows[-1]["S"] != 0.0
-    assert 0 < rows[0]["expert_fraction"] < 1  # pyright: ignore[reportOperatorIssue]
+    assert 0 < rows[0]["expert_fraction"] < 1
     return outcome(out)
 
 
-def run_until(out: Path, calls: int, resume: bool) -> bool:
+def run_until(out: Path, calls: int, resume: bool, kind: resume_run.Kind) -> bool:
     """Run and die in the given call of a hook, counted over all of them; False if it ended before."""
     left = calls
 
@@ -56,37 +60,58 @@ def run_until(out: Path, calls: int, resume: bool) -> bool:
         return resume_run.VALIDATION
 
     try:
-        resume_run.run(out, STEPS, resume, on_progress=die, evaluate=die)
+        resume_run.run(out, STEPS, resume, on_progress=die, evaluate=die, kind=kind)
     except Killed:
         return True
     return False
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_killed_and_resumed_equals_never_killed(
-    tmp_path: Path, seed: int, never_killed: tuple[bytes, list[dict[str, object]]]
-):
+def die_and_resume(out: Path, seed: int, kind: resume_run.Kind) -> Outcome:
+    """What is left of a run that dies at moments drawn with this seed, and is resumed each time."""
     rng = random.Random(seed)
     deaths = 0
-    while run_until(tmp_path, rng.randint(1, 90), resume=deaths > 0):
+    while run_until(out, rng.randint(1, 90), deaths > 0, kind):
         deaths += 1
         assert deaths < 200
     assert deaths >= 2
-    assert outcome(tmp_path) == never_killed
+    return outcome(out)
 
 
-def test_a_finished_run_goes_on_for_longer(
-    tmp_path: Path, never_killed: tuple[bytes, list[dict[str, object]]]
-):
+@pytest.mark.parametrize("seed", range(3))
+def test_killed_and_resumed_equals_never_killed(tmp_path: Path, seed: int, never_killed: Outcome):
+    assert die_and_resume(tmp_path, seed, resume_run.KINDS["value"]) == never_killed
+
+
+@pytest.mark.parametrize("name", ["return", "failures"])
+def test_so_does_a_run_of_another_kind(tmp_path: Path, name: str, never_killed: Outcome):
+    """Released by the return; with mirrored rows, and rows that lead to failures."""
+    kind = resume_run.KINDS[name]
+    resume_run.run(tmp_path / "whole", STEPS, kind=kind)
+    whole = outcome(tmp_path / "whole")
+    assert whole[0] != never_killed[0]
+    assert whole[1][-1]["S"] != 0.0
+    failing = [row["term/failure"] < 0.0 for row in whole[1]]
+    assert any(failing) == (name == "failures")
+    assert die_and_resume(tmp_path / "killed", 0, kind) == whole
+
+
+def test_mirror_and_failures_are_in_that_run(tmp_path: Path):
+    """Each of them changes what is learnt: the test above would not notice if it were left out."""
+    kind = resume_run.KINDS["failures"]
+    kinds = kind, replace(kind, mirror=None), replace(kind, failure_share=0.0)
+    for i, each in enumerate(kinds):
+        resume_run.run(tmp_path / str(i), 120, kind=each)
+    assert len({outcome(tmp_path / str(i))[0] for i in range(3)}) == 3
+
+
+def test_a_finished_run_goes_on_for_longer(tmp_path: Path, never_killed: Outcome):
     resume_run.run(tmp_path, STEPS // 2 + 12)
     resume_run.run(tmp_path, STEPS, resume=True)
     assert outcome(tmp_path)[0] == never_killed[0]
     assert outcome(tmp_path)[1] == never_killed[1]
 
 
-def test_resuming_a_finished_run_changes_nothing(
-    tmp_path: Path, never_killed: tuple[bytes, list[dict[str, object]]]
-):
+def test_resuming_a_finished_run_changes_nothing(tmp_path: Path, never_killed: Outcome):
     resume_run.run(tmp_path, STEPS)
     resume_run.run(tmp_path, STEPS, resume=True)
     assert outcome(tmp_path) == never_killed
@@ -106,7 +131,7 @@ def test_other_data_or_settings_are_refused(tmp_path: Path, monkeypatch: pytest.
             resume_run.run(tmp_path, 240, resume=True)
     with monkeypatch.context() as patch:
         original = resume_run.config
-        patch.setattr(resume_run, "config", lambda steps: original(steps).__class__(steps=steps, seed=4))
+        patch.setattr(resume_run, "config", lambda steps: replace(original(steps), seed=4))
         with pytest.raises(CheckpointError, match="config"):
             resume_run.run(tmp_path, 240, resume=True)
 
@@ -120,9 +145,7 @@ def test_a_shortened_metrics_log_is_named(tmp_path: Path):
 
 
 @pytest.mark.slow
-def test_sigkill_and_resume_in_other_processes(
-    tmp_path: Path, never_killed: tuple[bytes, list[dict[str, object]]]
-):
+def test_sigkill_and_resume_in_other_processes(tmp_path: Path, never_killed: Outcome):
     tests = Path(__file__).parents[1]
     command = [sys.executable, str(tests / "resume_run.py"), str(tmp_path), str(STEPS)]
     environment = os.environ | {"PYTHONPATH": str(tests)}

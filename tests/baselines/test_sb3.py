@@ -119,7 +119,7 @@ def test_the_policy_in_numpy_is_the_model(algorithm: str) -> None:
 def test_a_run_leaves_a_policy_and_rows(algorithm: str, tmp_path: Path) -> None:
     """Four updates for each step of the environment once it has started; evaluations cost no wall clock."""
     pause_s = 0.15
-    asked: list[object] = []
+    asked: list[Any] = []
 
     def evaluate(policy: Any, maturity: float) -> Validation:
         asked.append(policy)
@@ -128,9 +128,11 @@ def test_a_run_leaves_a_policy_and_rows(algorithm: str, tmp_path: Path) -> None:
 
     config = small(eval_interval_steps=128)
     began_s = time.monotonic()
+    env = world(5.0)
+    env.maturity = 0.25
     result = train_sb3(
         algorithm,
-        world(5.0),
+        env,
         config,
         tmp_path,
         policy_config=PolicyConfig(input_size=1, widths=(1,)),
@@ -140,7 +142,7 @@ def test_a_run_leaves_a_policy_and_rows(algorithm: str, tmp_path: Path) -> None:
     rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
     assert [row["env_steps"] for row in rows] == list(range(64, 513, 64))
     assert [row["success"] for row in rows] == [None, 0.5] * 4
-    assert len(asked) == 4
+    assert [policy.config.maturity for policy in [*asked, result.policy]] == [0.25] * 5
     assert result.train_seconds <= took_s - 4 * pause_s
     assert rows[-1]["wall_s"] <= result.train_seconds
     # The first updates follow the first step past start_steps.

@@ -26,7 +26,15 @@ from adrl.agents import checkpoint
 from adrl.agents.config import TrainConfig
 from adrl.agents.interface import Evaluate, Progress, TrainEnv, TrainResult
 from adrl.agents.learner import Learner
-from adrl.agents.metrics import METRICS_FILE, TENSORBOARD_FOLDER, EpisodeTally, MetricsLog, reward_row
+from adrl.agents.metrics import (
+    METRICS_FILE,
+    TENSORBOARD_FOLDER,
+    EpisodeTally,
+    MetricsLog,
+    crossed,
+    reward_row,
+    spent_fraction,
+)
 from adrl.agents.replay import ACTION_SIZE, Demonstrations
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import CheckpointError, ConfigError
@@ -167,11 +175,7 @@ class _Run:
         self._env_steps += len(observation)
 
     def _due(self, interval_steps: int | None) -> bool:
-        """Whether the last step crossed a multiple of the interval."""
-        if interval_steps is None:
-            return False
-        before = self._env_steps - len(self._observation)
-        return self._env_steps // interval_steps > before // interval_steps
+        return crossed(self._env_steps, len(self._observation), interval_steps)
 
     def _report(self) -> None:
         evaluation_due = self.evaluate is not None and self._due(self.config.eval_interval_steps)
@@ -216,11 +220,9 @@ class _Run:
         if self.on_progress is None:
             return
         config, learner = self.config, self.learner
-        by_steps = self._env_steps / config.steps if config.steps else 0.0
-        by_time = self.wall_s() / config.max_seconds if config.max_seconds else 0.0
         self.on_progress(
             Progress(
-                fraction=min(max(by_steps, by_time), 1.0),
+                fraction=spent_fraction(self._env_steps, self.wall_s(), config.steps, config.max_seconds),
                 wall_s=self.wall_s(),
                 env_steps=self._env_steps,
                 updates=learner.updates,

@@ -12,5 +12,6 @@ def require_sb3() -> None:
     """Raises MissingExtra unless Stable-Baselines3 and PyTorch are installed; imports neither."""
     if any(importlib.util.find_spec(name) is None for name in ("torch", "stable_baselines3")):
         raise MissingExtra(
-            f"methods {' and '.join(SB3_METHODS)} need Stable-Baselines3: pip install 'adrl[baselines]'"
+            f"methods {' and '.join(SB3_METHODS)} need Stable-Baselines3: in ADRL's source folder, "
+            "pip install -c constraints.txt '.[baselines]'"
         )

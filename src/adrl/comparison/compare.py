@@ -59,11 +59,16 @@ def compare(config: CompareConfig, on_change: Callable[[int, int, int], None] | 
 
 
 def _claim(config: CompareConfig) -> None:
-    """Write what this folder's results share. Raises ConfigError where it has results of something else."""
-    path, settings = config.out / SETTINGS_FILE, config.settings()
+    """Write what this folder's results share, and what its methods are; methods may be added.
+
+    Raises ConfigError where it has results of something else.
+    """
+    path, settings, methods = config.out / SETTINGS_FILE, config.settings(), config.method_settings()
+    known: dict[str, Any] = {}
     if path.exists():
         try:
-            found = json.loads(path.read_text(encoding="utf-8"))["settings"]
+            content = json.loads(path.read_text(encoding="utf-8"))
+            found, known = content["settings"], dict(content["methods"])
         except (ValueError, KeyError, TypeError):
             raise CheckpointError(f"{path}: not the settings of a comparison; give another --out") from None
         if lines := differences(found, settings):
@@ -71,10 +76,17 @@ def _claim(config: CompareConfig) -> None:
                 f"{config.out} holds results of other settings ({'; '.join(lines)}); "
                 "give another --out, or the settings of before"
             )
-        return
-    if config.out.is_dir() and any(config.out.iterdir()):
+        asked_again = {name: methods[name] for name in known.keys() & methods.keys()}
+        if lines := differences(known, known | asked_again):
+            raise ConfigError(
+                f"{config.out} holds results of methods that are others today ({'; '.join(lines)}); "
+                "give another --out, or the version of before"
+            )
+    elif config.out.is_dir() and any(config.out.iterdir()):
         raise ConfigError(f"{config.out} holds files of something else; give another --out")
-    files.write_json(path, {"schema_version": SCHEMA_VERSION, "settings": settings})
+    if methods.keys() - known.keys():
+        content = {"schema_version": SCHEMA_VERSION, "settings": settings, "methods": known | methods}
+        files.write_json(path, content)
 
 
 def _write_tables(config: CompareConfig, jobs: list[Job]) -> list[dict[str, Any]]:

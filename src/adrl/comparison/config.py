@@ -51,7 +51,8 @@ class CompareConfig(RunConfig):
         for name in self.method_names:
             if name not in METHODS and name not in SB3_METHODS:
                 raise UnknownName("method", name, [*METHODS, *SB3_METHODS, ALL])
-        for name in self.guidance_names:
+        # The training's too: a worker would be the first to see it where the evaluation has its own.
+        for name in (self.guidance, *self.guidance_names):
             if name not in GUIDANCE:
                 raise UnknownName("guidance", name, GUIDANCE)
         for name, least in (("seeds", 1), ("episodes", 1), ("workers", 0)):
@@ -105,6 +106,18 @@ class CompareConfig(RunConfig):
         content["scenario"] = self.load().name
         content["robot"] = json.loads(json.dumps(asdict(load_robot(self.robot))))
         content["eval_guidance"] = ",".join(self.guidance_names)
+        return content
+
+    def method_settings(self) -> dict[str, Any]:
+        """What each method makes of the learner today, as JSON has it: name -> configuration, without the seed.
+
+        A method's few lines may change from one version to the next while the options stay.
+        """
+        content = {}
+        for name in self.method_names:
+            learner = asdict(self.run(name, self.learner.seed, self.out).resolved())
+            del learner["seed"]
+            content[name] = json.loads(json.dumps(learner, allow_nan=False))
         return content
 
 

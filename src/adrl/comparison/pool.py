@@ -1,6 +1,7 @@
 """Jobs side by side, each in a process of its own that is bound to a core of its own."""
 
 import json
+import shutil
 import subprocess
 import time
 from collections.abc import Callable, Sequence
@@ -11,12 +12,21 @@ from adrl.comparison.config import CompareConfig
 from adrl.comparison.jobs import Job, is_finished
 
 LOGS_FOLDER = "logs"
+CACHE_FOLDER = "cache"
 POLL_S = 0.2
 
 
 def log_path(config: CompareConfig, job: Job) -> Path:
     """What the job's process printed."""
     return config.out / LOGS_FOLDER / f"{job.name}.log"
+
+
+def cache_path(config: CompareConfig, job: Job) -> Path:
+    """Where JAX keeps the job's compiled programs, for as long as it runs.
+
+    One of its own for each job: all have the budget in wall clock, and each has to pay for its compilation.
+    """
+    return config.out / CACHE_FOLDER / job.name
 
 
 def cores(config: CompareConfig) -> list[int]:
@@ -30,6 +40,8 @@ def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int
 
     No process survives this function, nor this process.
     """
+    # Of a comparison that was killed.
+    shutil.rmtree(config.out / CACHE_FOLDER, ignore_errors=True)
     waiting, failed, ended = list(jobs), [], 0
     free, running = cores(config), dict[int, tuple[Job, processes.Process]]()
     try:
@@ -43,6 +55,7 @@ def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int
                 if process.poll() is None:
                     continue
                 processes.close(process)
+                shutil.rmtree(cache_path(config, job), ignore_errors=True)
                 del running[core]
                 free.append(core)
                 ended += 1
@@ -52,6 +65,7 @@ def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int
     finally:
         for _, process in running.values():
             processes.close(process)
+        shutil.rmtree(config.out / CACHE_FOLDER, ignore_errors=True)
     return failed
 
 
@@ -61,6 +75,11 @@ def _start(config: CompareConfig, job: Job, core: int) -> processes.Process:
     path.parent.mkdir(parents=True, exist_ok=True)
     task = {"core": core, "method": job.method, "seed": job.seed, "config": config.document()}
     with open(path, "wb") as log:
-        process = processes.start_module("adrl.comparison.worker", stdout=log, stderr=subprocess.STDOUT)
+        process = processes.start_module(
+            "adrl.comparison.worker",
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            environment={"JAX_COMPILATION_CACHE_DIR": str(cache_path(config, job).absolute())},
+        )
     processes.send(process, json.dumps(task).encode())
     return process
