@@ -275,7 +275,7 @@ def test_methods_may_be_added_but_not_become_others(tmp_path: Path, monkeypatch:
     compare(config)
     settings = tmp_path / "out" / "settings.json"
     stored = json.loads(settings.read_text())["methods"]
-    assert stored["td3bc"]["schedule"]["lambda_max"] == 0.4
+    assert stored["td3bc"]["schedule"]["lambda_max"] == 0.2
     assert "seed" not in stored["adrl"]
     more = replace(config, methods="td3,adrl", learner=replace(BUDGET, seed=3))
     compare(more)
