@@ -1,6 +1,8 @@
 """The run's log: strict JSON, the keys every reader relies on, and means that are means."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -132,3 +134,11 @@ def test_the_budget_that_is_spent_first_counts():
     assert spent_fraction(90, 3.0, 100, 4.0) == 0.9
     assert spent_fraction(0, 0.0, 100, 4.0) == 0.0
     assert spent_fraction(101, 5.0, 100, 4.0) == 1.0
+
+
+def test_the_log_does_not_import_pytorch(tmp_path: Path):
+    program = (
+        "import sys; from pathlib import Path; from adrl.agents.metrics import MetricsLog; "
+        f"MetricsLog(Path({str(tmp_path)!r})).close(); sys.exit('torch' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", program], timeout=60).returncode == 0

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,8 +29,7 @@ class MetricsLog:
 
         env_steps: TensorBoard drops its points from here on. Raises CheckpointError if the file is shorter.
         """
-        from tensorboardX import SummaryWriter
-
+        SummaryWriter = _summary_writer()
         self._path = run / METRICS_FILE
         run.mkdir(parents=True, exist_ok=True)
         self._file = open(self._path, "ab")  # noqa: SIM115 - open for as long as the run
@@ -63,6 +63,20 @@ class MetricsLog:
         """Close both files."""
         self._file.close()
         self._board.close()
+
+
+def _summary_writer() -> Any:
+    """tensorboardX's writer, imported as if there were no PyTorch: for a graph view that is not used here it would be
+    imported too, a second and more of a run's wall clock."""
+    hidden = "torch" not in sys.modules
+    if hidden:
+        sys.modules["torch"] = None  # pyright: ignore[reportArgumentType]  # import torch now raises ImportError
+    try:
+        from tensorboardX import SummaryWriter
+    finally:
+        if hidden:
+            del sys.modules["torch"]
+    return SummaryWriter
 
 
 @dataclass
