@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.envs import NOMINAL, NavSim, Randomization
+from adrl.envs import NOMINAL, Body, NavSim, Randomization
 from adrl.errors import TaskError
 from adrl.evaluation.metrics import Episodes
 from adrl.observation import EncoderConfig
@@ -71,19 +71,21 @@ def rollout(
     first_task: int = 0,
     rewards: Rewards | None = None,
     on_step: Callable[[int, int], None] | None = None,
+    body: Body | None = None,
 ) -> Rollout:
     """Drive every task once.
 
     seed: of the sensors' noise and of odometry drift, nothing else; every policy meets the same. record: number of
     tasks, from the first, whose routes are kept. replanner, maturity: see NavSim. first_task: number of tasks[0] in
-    its split. rewards: those to add up, if any. on_step(ended, total) is told the progress. Raises TaskError for no
-    tasks.
+    its split. rewards: those to add up, if any. on_step(ended, total) is told the progress. body: moves and senses the
+    robots instead of our simulator, as many side by side as it has. Raises TaskError for no tasks.
     """
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
     parts, routes, starts, returns, replans, done = [], [], [], [], [], 0
-    for first in range(0, len(tasks), CHUNK):
-        chunk = tasks[first : first + CHUNK]
+    side_by_side = CHUNK if body is None else body.num_envs
+    for first in range(0, len(tasks), side_by_side):
+        chunk = tasks[first : first + side_by_side]
         sim = NavSim(
             len(chunk),
             robot,
@@ -94,6 +96,7 @@ def rollout(
             replanner=replanner,
             maturity=maturity,
             num_threads=num_threads,
+            body=body,
         )
         numbers = first_task + first + np.arange(len(chunk))
         # Noise and drift of a task depend on the evaluation's seed and the task's number alone.
