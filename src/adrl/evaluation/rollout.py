@@ -72,13 +72,15 @@ def rollout(
     rewards: Rewards | None = None,
     on_step: Callable[[int, int], None] | None = None,
     body: Body | None = None,
+    on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None = None,
 ) -> Rollout:
     """Drive every task once.
 
     seed: of the sensors' noise and of odometry drift, nothing else; every policy meets the same. record: number of
     tasks, from the first, whose routes are kept. replanner, maturity: see NavSim. first_task: number of tasks[0] in
     its split. rewards: those to add up, if any. on_step(ended, total) is told the progress. body: moves and senses the
-    robots instead of our simulator, as many side by side as it has. Raises TaskError for no tasks.
+    robots instead of our simulator, as many side by side as it has. on_drive(sim, numbers, moving) sees each period of
+    the robots (N,) that moved. Raises TaskError for no tasks.
     """
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
@@ -111,7 +113,7 @@ def rollout(
                 on_step(before + ended, len(tasks))
 
         starts.append(sim.observe())
-        part, kept, earned = _drive(policy, sim, numbers, keep, rewards, progress)
+        part, kept, earned = _drive(policy, sim, numbers, keep, rewards, progress, on_drive)
         parts.append(part)
         routes += kept
         returns.append(earned)
@@ -135,6 +137,7 @@ def _drive(
     keep: int,
     rewards: Rewards | None,
     progress: Callable[[int], None],
+    on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None,
 ) -> tuple[dict[str, NDArray[np.generic]], list[Array], Array]:
     n = sim.num_envs
     earned, discount = np.zeros(n), 1.0
@@ -157,6 +160,8 @@ def _drive(
         )  # contact stops a robot at once, which says nothing of its driving
         turned[moving] += np.abs(sim.b["twist"][moving, 1] - before[moving])
         steps[moving] += 1
+        if on_drive is not None:
+            on_drive(sim, numbers, moving)
         least_clearance[active] = np.minimum(least_clearance, sim.b["least_clearance"])[active]
         if rewards is not None:
             paid = reward(outcome.reward_terms, outcome.features, rewards.maturity, rewards.config)
