@@ -17,9 +17,12 @@ import pytest
 from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
 from adrl.cli import COMMANDS, main
-from adrl.commands.bench import LearnOptions, PlanOptions, SimOptions
+from adrl.commands.bench import GazeboOptions, LearnOptions, PlanOptions, SimOptions
+from adrl.commands.calibrate import CalibrateOptions
 from adrl.commands.collect import CollectOptions
 from adrl.commands.evaluate import EvaluateOptions
+from adrl.commands.gazebo import EvaluateOptions as GazeboEvaluateOptions
+from adrl.commands.gazebo import ExportOptions, TransferOptions
 from adrl.commands.list import ListOptions
 from adrl.comparison.config import CompareConfig
 from adrl.evaluation.results import read_episodes
@@ -36,14 +39,19 @@ OPTIONS: dict[str, Any] = {
     "collect": CollectOptions,
     "compare": CompareConfig,
     "list": ListOptions,
+    "gazebo evaluate": GazeboEvaluateOptions,
+    "gazebo transfer": TransferOptions,
+    "gazebo export": ExportOptions,
+    "calibrate": CalibrateOptions,
     "bench sim": SimOptions,
     "bench plan": PlanOptions,
     "bench learn": LearnOptions,
+    "bench gazebo": GazeboOptions,
 }
 UNITS = {"m": r"\bm\b", "seconds": r"\bs\b", "start": r"\(m\).*\(rad\)", "goal": r"\(m\)"}
 """What the help of an option whose name ends so must say."""
-SUPPRESSED = {"compare": {"method", "resume"}}
-"""Options that a command sets itself."""
+SUPPRESSED = {"compare": {"method", "resume"}, "calibrate": {"drives"}}
+"""Options that a command sets itself, or takes without a name."""
 METRICS = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")
 ABOUT = ("policy", "method", "robot", "scenario", "guidance", "split", "episodes")
 TRAINING = ("train_seconds", "env_steps", "gradient_updates")
@@ -109,7 +117,7 @@ class TestHelp:
         assert main(["bench"]) == 2
         shown = capsys.readouterr().out
         assert all(f"  {name}  " in shown for name in COMMANDS)
-        assert all(f"  {what} " in shown for what in ("sim", "plan", "learn"))
+        assert all(f"  {what} " in shown for what in ("sim", "plan", "learn", "gazebo"))
 
     def test_help_imports_no_heavy_module(self) -> None:
         program = (

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from adrl import files
 from adrl.agents.config import TrainConfig
 from adrl.baselines.planner import AStarDwaPolicy
-from adrl.deploy.policy import MlpPolicy, load_policy
+from adrl.deploy.policy import DEFAULT, MlpPolicy, load_policy, resolve_policy
 from adrl.envs import Body, NavSim
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.results import RunMeta, Summary, summarise, write_episodes
@@ -24,10 +23,9 @@ from adrl.runs import RunConfig, train
 from adrl.types import Policy, RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, robot_from_fields, task_set
 
-__all__ = ["Evaluation", "RunConfig", "TrainConfig", "evaluate", "load_policy", "train"]
+__all__ = ["DEFAULT", "Evaluation", "RunConfig", "TrainConfig", "evaluate", "load_policy", "train"]
 
 PLANNER = "astar-dwa"
-DEFAULT = "default"
 OWN_TASKS = "own"
 """The split that a summary names when the tasks were the user's."""
 
@@ -39,24 +37,6 @@ class Evaluation:
     summary: Summary
     rollout: Rollout
     tasks: Sequence[Task]
-
-
-def default_policy_folder() -> Path:
-    """Folder of the policy that ships with the package."""
-    return Path(str(resources.files("adrl") / "policies" / DEFAULT))
-
-
-def resolve_policy(policy: str | Path) -> Path:
-    """Run folder of a policy: `default` is the shipped one. Raises CheckpointError."""
-    if str(policy) == DEFAULT:
-        return default_policy_folder()
-    folder = Path(policy)
-    if not folder.is_dir():
-        raise CheckpointError(
-            f"policy {str(policy)!r}: no such folder; give the folder of a finished training run, "
-            f"{PLANNER!r} or {DEFAULT!r}"
-        )
-    return folder
 
 
 def evaluate(
@@ -84,7 +64,8 @@ def evaluate(
     training when None. seed: changes the noise only. record: tasks whose routes are kept. replanner: constants of
     guidance `replan`, those of the training when None. paper_literal: with these, its equations as printed. tasks:
     instead of those of the split. make_body: makes what moves the robots instead of our simulator, for as long as it is
-    needed: adrl.integrations.gazebo.Gazebo. on_drive: see rollout. out: folder for episodes.parquet and summary.json. Raises AdrlError.
+    needed: adrl.integrations.gazebo.Gazebo. on_drive: see rollout. out: folder for episodes.parquet and
+    summary.json. Raises AdrlError.
     """
     if episodes < 1:
         raise ConfigError(f"episodes is {episodes}; give 1 or more")

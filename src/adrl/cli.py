@@ -17,7 +17,7 @@ COMMANDS = {
     "gazebo": "drive policies in Gazebo, measure the gap to our simulator, export worlds",
     "calibrate": "fit the simulator's base to recorded drives",
     "collect": "record A*+DWA demonstrations as a Minari dataset",
-    "bench": "measure the simulator (sim), the planners (plan) or the learner (learn)",
+    "bench": "measure the simulator (sim), the planners (plan), the learner (learn) or Gazebo (gazebo)",
     "list": "list robots, scenarios, methods and policies",
 }
 

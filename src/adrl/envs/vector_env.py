@@ -88,7 +88,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         replanner's thresholds (eq 20).
         seed: used until reset(seed=...) gives another. num_threads: 0 takes one per core.
         autoreset_mode: SAME_STEP, or DISABLED to reset with options={"reset_mask": mask}.
-        body: moves and senses the robots instead of our simulator; randomize must be False.
+        body: moves and senses the robots instead of our simulator, as they are: randomize must be False.
         """
         if num_envs < 1:
             raise ConfigError(f"num_envs is {num_envs}; give 1 or more")

@@ -37,7 +37,7 @@ def transfer_document(sides: Mapping[str, Side], fit: Calibration) -> dict[str, 
     """The JSON document: each simulator's summary, the fit, and each one's gap to Gazebo.
 
     sides: native, calibrated and gazebo. A gap is Gazebo's less the other's, on the same tasks, with a paired bootstrap
-    interval; times and distances on the tasks that both solved. time_percent is the gap in time in percent of the other's.
+    interval; times and distances on the tasks that both solved. time_percent: the gap in time, of the other's.
     """
     gazebo = sides["gazebo"]
     document: dict[str, Any] = {"schema_version": SCHEMA_VERSION}

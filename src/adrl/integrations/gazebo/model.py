@@ -61,7 +61,7 @@ def _extents(robot: RobotConfig) -> tuple[float, float, float]:
         return robot.radius_m, 2.0 * robot.radius_m, 2.0 * robot.radius_m
     corners = robot.polygon
     length, width = corners.max(axis=0) - corners.min(axis=0)
-    inner = min(abs(float(bound)) for bound in (*corners.max(axis=0), *corners.min(axis=0)))
+    inner = min(*map(float, corners.max(axis=0)), *map(float, -corners.min(axis=0)))
     if inner <= 0.0:
         raise ConfigError(
             f"robot {robot.name!r}: the origin is not inside the footprint; a Gazebo model has its wheels there"

@@ -7,7 +7,6 @@ import subprocess
 import tempfile
 import time
 from pathlib import Path
-from typing import IO
 from xml.etree.ElementTree import Element
 
 from adrl.errors import MissingExtra, WorldError
@@ -46,7 +45,7 @@ class GazeboServer:
         self._files = Path(tempfile.mkdtemp(prefix="adrl-", dir=root / "tmp" if chroot else None))
         self._process: subprocess.Popen[bytes] | None = None
         self._socket: socket.socket | None = None
-        self._log: IO[bytes] | None = None
+        self._log = self._files / "log"
         try:
             with socket.create_server(("127.0.0.1", 0)) as listener:
                 world = self._files / "adrl.world"
@@ -54,7 +53,6 @@ class GazeboServer:
                     port.text = str(listener.getsockname()[1])
                 world.write_bytes(to_bytes(world_sdf))
                 inside = Path("/", world.relative_to(root)) if chroot else world
-                self._log = open(self._files / "log", "w+b")
                 self._process = self._start(root if chroot else None, folder, inside, seed)
                 self._socket = self._accept(listener)
         except BaseException:
@@ -77,14 +75,15 @@ class GazeboServer:
             "GAZEBO_PLUGIN_PATH": "/opt/adrl" if root is not None else str(folder),
             "GAZEBO_RESOURCE_PATH": "/usr/share/gazebo-11",
         }
-        return subprocess.Popen(
-            command,
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=self._log,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,  # Ctrl-C is for the parent, which then ends it
-        )
+        with open(self._log, "wb") as log:
+            return subprocess.Popen(
+                command,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,  # Ctrl-C is for the parent, which then ends it
+            )
 
     def _accept(self, listener: socket.socket) -> socket.socket:
         """The plugin's connection."""
@@ -103,6 +102,12 @@ class GazeboServer:
             return connection
         raise WorldError(f"Gazebo was not ready in {PATIENCE_S:.0f} s: {self._words()}")
 
+    @property
+    def process_id(self) -> int:
+        """Of gzserver, which chroot and unshare have become."""
+        assert self._process is not None
+        return self._process.pid
+
     def exchange(self, message: bytes, reply: memoryview) -> None:
         """Send a message and fill reply with the answer. Raises WorldError when Gazebo has ended."""
         assert self._socket is not None
@@ -118,10 +123,7 @@ class GazeboServer:
 
     def _words(self) -> str:
         """The last lines of Gazebo's output."""
-        if self._log is None:
-            return ""
-        self._log.seek(0)
-        lines = self._log.read().decode(errors="replace").split("\n")
+        lines = self._log.read_text(errors="replace").split("\n")
         return " / ".join(line.strip() for line in lines[-6:] if line.strip()) or "it wrote nothing"
 
     def close(self) -> None:
@@ -136,9 +138,6 @@ class GazeboServer:
                 self._process.kill()
                 self._process.wait()
             self._process = None
-        if self._log is not None:
-            self._log.close()
-            self._log = None
         shutil.rmtree(self._files, ignore_errors=True)
 
 

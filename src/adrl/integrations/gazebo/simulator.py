@@ -73,6 +73,11 @@ class Gazebo:
         """End Gazebo."""
         self._server.close()
 
+    @property
+    def process_id(self) -> int:
+        """Of gzserver."""
+        return self._server.process_id
+
     def reset(self, indices: NDArray[np.intp], tasks: Sequence[Task], b: Mapping[str, NDArray[Any]]) -> None:
         """Put the robots `indices` at the starts of their tasks, in the tasks' worlds, and sense into b.
 
@@ -81,14 +86,16 @@ class Gazebo:
         for i, task in zip(indices, tasks, strict=True):
             text = b""
             if self._standing[i] is not task.world:
-                text = to_bytes(document(models(task.world, f"_{i}", (self._offset[i], 0.0)), ground=False))
+                text = to_bytes(
+                    document(models(task.world, f"_{i}", (float(self._offset[i]), 0.0)), ground=False)
+                )
                 self._standing[i] = task.world
             x, y, yaw = task.start
             discs = task.world.discs + self._offset[i] * _X_COLUMNS
             seed = int(b["seed"][i]) & 0xFFFFFFFF
             head = struct.pack("<cIIdddI", b"R", i, seed, x + self._offset[i], y, yaw, len(discs))
             body = discs.astype("<f8").tobytes() + struct.pack("<I", len(text)) + text
-            self._server.exchange(head + body, memoryview(self._reply).cast("B"))
+            self._server.exchange(head + body, self._reply.view(np.uint8).data)
         self._take(indices, b)
 
     def step(self, b: Mapping[str, NDArray[Any]]) -> None:
@@ -97,7 +104,7 @@ class Gazebo:
         self._commands[:n], self._active[:n] = b["command"], b["active"]
         self._active[n:] = 0
         message = b"S" + self._commands.tobytes() + self._active.tobytes()
-        self._server.exchange(message, memoryview(self._reply).cast("B"))
+        self._server.exchange(message, self._reply.view(np.uint8).data)
         rows = np.flatnonzero(b["active"])
         self._take(rows, b)
         numbers = self._reply["numbers"][rows]
