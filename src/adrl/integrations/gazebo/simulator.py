@@ -1,5 +1,6 @@
 """Robots moved and sensed by Gazebo instead of our simulator: a Body that NavSim takes."""
 
+import math
 import struct
 from collections.abc import Mapping, Sequence
 from types import TracebackType
@@ -137,6 +138,18 @@ def _physics(step_s: float) -> Element:
     return physics
 
 
+def _reach_m(robot: RobotConfig) -> float:
+    """Range of a beam below which the robot may touch what it sees within a control period; standing discs only."""
+    lidar = robot.lidar
+    if lidar.fov_rad < 2.0 * math.pi - 1e-9:
+        return 1e9  # something may be where it does not look
+    # Noise in the range, and what stands between two beams.
+    slack = 5.0 * lidar.noise_std_m + 0.05
+    mount = math.hypot(lidar.mount_x_m, lidar.mount_y_m)
+    driven = max(robot.max_speed_mps, -robot.min_speed_mps) * robot.control_period_s
+    return robot.circumscribed_radius_m + mount + driven + slack
+
+
 def _plugin(robot: RobotConfig, num_envs: int, steps: int) -> Element:
     body = body_of(robot)
     plugin = Element("plugin", name="adrl_lockstep", filename=PLUGIN)
@@ -145,6 +158,7 @@ def _plugin(robot: RobotConfig, num_envs: int, steps: int) -> Element:
     add(plugin, "radius", body.wheel_radius_m)
     add(plugin, "separation", body.wheel_separation_m)
     add(plugin, "torque", wheel_torque_nm(robot, body))
+    add(plugin, "reach", _reach_m(robot))
     add(plugin, "speed", robot.min_speed_mps, robot.max_speed_mps)
     add(plugin, "yaw_rate", robot.max_yaw_rate_radps)
     add(plugin, "acceleration", robot.max_acceleration_mps2)

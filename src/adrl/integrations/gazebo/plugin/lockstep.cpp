@@ -14,8 +14,9 @@
 // State: N x (11 f64, K f32): x, y, yaw; odometry x, y, yaw; speed, yaw rate, from the wheels; metres driven and
 //   seconds until contact in this period; 1 for contact; then the ranges, infinite where nothing is hit.
 //
-// <plugin>: port, robots (N), steps (of physics in a control period), radius and separation of the wheels, torque, speed
-//   (2: least, greatest), yaw_rate, acceleration, yaw_acceleration, latency. Robot i is the model robot_<i> with joints
+// <plugin>: port, robots (N), steps (of physics in a control period), radius and separation of the wheels, torque, reach
+//   (range below which a robot may touch something in the next period), speed (2: least, greatest), yaw_rate,
+//   acceleration, yaw_acceleration, latency. Robot i is the model robot_<i> with joints
 //   left and right, a collision "footprint" and a ray sensor "lidar".
 #include <arpa/inet.h>
 #include <netinet/tcp.h>
@@ -35,7 +36,6 @@
 #include <gazebo/common/common.hh>
 #include <gazebo/physics/physics.hh>
 #include <gazebo/sensors/sensors.hh>
-#include <gazebo/transport/transport.hh>
 #include <ignition/math/Rand.hh>
 
 namespace adrl {
@@ -60,7 +60,7 @@ struct Robot {
     std::deque<Twist> commands; // newest first, one a physics step of the latency
     Twist wanted, target, executed;
     double odometry[3] = {};
-    double driven = 0.0, free_s = 0.0, clock = 0.0;
+    double driven = 0.0, free_s = 0.0, clock = 0.0, fastest_disc = 0.0;
     bool contact = false, active = false;
 };
 
@@ -129,6 +129,7 @@ class Lockstep : public gazebo::WorldPlugin {
         radius_ = sdf->Get<double>("radius");
         separation_ = sdf->Get<double>("separation");
         torque_ = sdf->Get<double>("torque");
+        reach_ = sdf->Get<double>("reach");
         const auto speed = sdf->Get<ignition::math::Vector2d>("speed");
         min_speed_ = speed.X();
         max_speed_ = speed.Y();
@@ -146,7 +147,6 @@ class Lockstep : public gazebo::WorldPlugin {
   private:
     // Robots and sensors appear some updates after the world.
     bool find_robots() {
-        std::vector<std::string> footprints;
         for (std::size_t i = 0; i < robots_.size(); ++i) {
             Robot &robot = robots_[i];
             const std::string name = "robot_" + std::to_string(i);
@@ -161,20 +161,11 @@ class Lockstep : public gazebo::WorldPlugin {
             const auto footprint = robot.model->GetLink("base")->GetCollision("footprint");
             if (!robot.left || !robot.right || !footprint) end("robot without wheels or footprint");
             owner_[footprint.get()] = i;
-            footprints.push_back(footprint->GetScopedName());
             robot.commands.assign(delay_ + 1, {});
             for (const auto &joint : {robot.left, robot.right}) joint->SetParam("fmax", 0, torque_);
         }
-        // Gazebo keeps only the contacts that someone has subscribed to; those of the wheels would cost as much as the
-        // physics itself.
-        node_ = gazebo::transport::NodePtr(new gazebo::transport::Node());
-        node_->Init(world_->Name());
-        const auto topic = world_->Physics()->GetContactManager()->CreateFilter("adrl_footprints", footprints);
-        subscription_ = node_->Subscribe(topic, &Lockstep::ignore, this);
         return true;
     }
-
-    void ignore(const boost::shared_ptr<const gazebo::msgs::Contacts> &) {}
 
     // Before a step of physics: the base follows its command within its acceleration limits.
     void drive() {
@@ -272,6 +263,8 @@ class Lockstep : public gazebo::WorldPlugin {
         Robot &robot = robots_[slot];
         if (!text.empty()) furnish(robot, text);
         robot.discs.clear();
+        robot.fastest_disc = 0.0;
+        for (const auto &row : rows) robot.fastest_disc = std::max(robot.fastest_disc, row[5]);
         for (std::size_t j = 0; j < rows.size(); ++j) {
             const std::string name = "disc_" + std::to_string(slot) + "_" + std::to_string(j);
             for (const ModelPtr &model : robot.scenery) {
@@ -325,6 +318,7 @@ class Lockstep : public gazebo::WorldPlugin {
 
     void send_state() {
         reply_.clear();
+        bool near = false;
         for (Robot &robot : robots_) {
             const auto pose = robot.model->WorldPose();
             const double *odometry = robot.odometry;
@@ -338,7 +332,12 @@ class Lockstep : public gazebo::WorldPlugin {
             single_.assign(robot.lidar->RayCount(), 0.0f);
             std::copy_n(ranges_.begin(), std::min(ranges_.size(), single_.size()), single_.begin());
             append(single_.data(), single_.size() * sizeof(float));
+            const auto nearest = std::min_element(single_.begin(), single_.end());
+            near = near || (robot.active && *nearest < reach_ + robot.fastest_disc * steps_ * dt_s_);
         }
+        // Gazebo keeps contacts when it is told to, all of them, and those of the wheels cost as much as the physics: so
+        // only while the LiDAR sees something that a robot may touch in the next period.
+        world_->Physics()->GetContactManager()->SetNeverDropContacts(near);
         line_.write(reply_);
     }
 
@@ -354,12 +353,10 @@ class Lockstep : public gazebo::WorldPlugin {
     std::vector<double> ranges_;
     std::vector<float> single_;
     std::vector<char> reply_;
-    gazebo::transport::NodePtr node_;
-    gazebo::transport::SubscriberPtr subscription_;
     event::ConnectionPtr begin_, end_;
     int steps_ = 25, remaining_ = 0;
     std::size_t delay_ = 0;
-    double dt_s_ = 0.004, radius_ = 0.0, separation_ = 0.0, torque_ = 0.0;
+    double dt_s_ = 0.004, radius_ = 0.0, separation_ = 0.0, torque_ = 0.0, reach_ = 0.0;
     double min_speed_ = 0.0, max_speed_ = 0.0, max_yaw_rate_ = 0.0, acceleration_ = 0.0, yaw_acceleration_ = 0.0;
     bool ready_ = false;
 };
