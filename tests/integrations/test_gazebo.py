@@ -1,5 +1,6 @@
 """Robots in Gazebo: they see and hit what ours do, obey their limits, and their processes end."""
 
+import json
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,6 +15,7 @@ from adrl.cli import main
 from adrl.deploy.policy import default_policy_folder, load_policy
 from adrl.envs import MILD, NavSim
 from adrl.errors import ConfigError, MissingExtra, WorldError
+from adrl.evaluation.drives import read_drives
 from adrl.evaluation.results import compare_paired
 from adrl.evaluation.rollout import rollout
 from adrl.integrations.gazebo import Gazebo
@@ -234,3 +236,26 @@ def test_a_gazebo_that_dies_is_told_and_leaves_nothing(gazebo: Gazebo) -> None:
     own.close()
     own.close()
     assert not files.exists()
+
+
+@pytest.mark.gazebo
+@pytest.mark.slow
+def test_transfer_pairs_the_simulators_and_explains_the_gap(gazebo: Gazebo, tmp_path: Path) -> None:
+    out = tmp_path / "transfer"
+    arguments = ["gazebo", "transfer", "--scenario", "clutter", "--episodes", "3", "--out", str(out)]
+    assert main(arguments) == 0
+    document = json.loads((out / "transfer.json").read_text())
+    for name in ("native", "calibrated", "gazebo"):
+        side = document[name]
+        assert side["episodes"] == 3
+        assert side["simulator"] == ("gazebo" if name == "gazebo" else "native")
+        drives = read_drives(out / name / "drives.csv")
+        assert set(drives.drive) == {0, 1, 2}
+        assert side["tracking_error_mps"] == pytest.approx(drives.tracking_error()[0], rel=1e-3)
+    gap = document["gap"]["native"]
+    assert gap["success"] == pytest.approx(document["gazebo"]["success"] - document["native"]["success"])
+    assert gap["time_s_low"] <= gap["time_s"] <= gap["time_s_high"]
+    fit, limits = document["calibration"], np.array([ROBOT.max_speed_mps, ROBOT.max_yaw_rate_radps])
+    after = np.array([fit["speed_error_mps"], fit["yaw_rate_error_radps"]]) / limits
+    before = np.array([fit["speed_error_before_mps"], fit["yaw_rate_error_before_radps"]]) / limits
+    assert after @ after <= before @ before + 1e-6

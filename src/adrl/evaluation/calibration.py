@@ -62,7 +62,8 @@ def calibrate(drives: Drives, robot: RobotConfig) -> Calibration:
     high = np.array(
         [LAG_RANGE_S[1], fit.longest_latency_s, *(np.log(fit.accelerations * ACCELERATION_FACTOR))]
     )
-    best, least = low, np.inf
+    best = np.array([robot.lag_s, robot.latency_s, *np.log(fit.accelerations)])
+    least = float(((fit.errors(robot) / fit.scales) ** 2).sum())
     centre, half = 0.5 * (low + high), 0.5 * (high - low)
     for _ in range(ROUNDS):
         # Lag and latency act on both axes, each acceleration on its own: the axes are searched together but for that.
