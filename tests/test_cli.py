@@ -22,7 +22,7 @@ from adrl.commands.calibrate import CalibrateOptions
 from adrl.commands.collect import CollectOptions
 from adrl.commands.evaluate import EvaluateOptions
 from adrl.commands.gazebo import EvaluateOptions as GazeboEvaluateOptions
-from adrl.commands.gazebo import ExportOptions, TransferOptions
+from adrl.commands.gazebo import ExportOptions, FilmOptions, TransferOptions
 from adrl.commands.list import ListOptions
 from adrl.comparison.config import CompareConfig
 from adrl.evaluation.results import read_episodes
@@ -41,6 +41,7 @@ OPTIONS: dict[str, Any] = {
     "list": ListOptions,
     "gazebo evaluate": GazeboEvaluateOptions,
     "gazebo transfer": TransferOptions,
+    "gazebo film": FilmOptions,
     "gazebo export": ExportOptions,
     "calibrate": CalibrateOptions,
     "bench sim": SimOptions,
