@@ -8,11 +8,12 @@ from typing import Literal
 
 from adrl import api, files
 from adrl.commands.options import console, parse, progress_bar, require_file, require_folder
+from adrl.deploy.policy import MlpPolicy, load_policy
 from adrl.errors import ConfigError
-from adrl.evaluation.barn import BarnRuns, reference_table, world_table
+from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, world_table
 from adrl.evaluation.results import write_table
 from adrl.types import RobotConfig
-from adrl.worlds import ROBOTS, BarnScenario, load_robot
+from adrl.worlds import ROBOTS, BarnScenario, robot_from_fields
 from adrl.worlds.barn import TIME_LIMIT_S
 
 JACKAL = ROBOTS["jackal"]
@@ -27,7 +28,8 @@ class BarnOptions:
     policy: str
     """astar-dwa (knows the map), or a run folder of a policy for the Jackal."""
     v_max: float | None = None
-    """Greatest speed of the robot, m/s; that of the policy's training when left out. Scores of others depend on theirs."""
+    """Greatest speed, m/s: faster commands of a policy are cut off here, and astar-dwa plans with it. That of the
+    robot when left out."""
     held_out: int = 0
     """Drive only so many of the worlds, those that training with the same --barn-held-out leaves out; 0 for all."""
     guidance: Literal["goal", "replan", "map"] | None = None
@@ -55,12 +57,12 @@ def main(arguments: Sequence[str]) -> int:
         BarnOptions,
         arguments,
         "barn",
-        "Drive a policy in worlds of the BARN navigation benchmark, with its start, goal, time limit and score: success "
-        "* OT / clip(AT, 2 OT, 8 OT), at most 0.5.",
+        "Drive a policy in worlds of the BARN navigation benchmark, with its start, goal, time limit and score: "
+        "success * OT / clip(AT, 2 OT, 8 OT), at most 0.5.",
     )
     require_folder("--out", options.out)
     require_file("--json", options.json)
-    robot = _robot(options)
+    policy, robot, v_max_mps = _driver(options)
     scenario = BarnScenario(options.worlds, options.held_out)
     worlds = scenario.split("test")
     # The benchmark's time limit, not that of training.
@@ -73,7 +75,7 @@ def main(arguments: Sequence[str]) -> int:
             bar.update(task, completed=ended / total, note=f"{ended} of {total} runs")
 
         result = api.evaluate(
-            options.policy,
+            policy,
             scenario=scenario,
             robot=robot,
             guidance=options.guidance,
@@ -83,7 +85,7 @@ def main(arguments: Sequence[str]) -> int:
             on_step=show,
         )
     runs = BarnRuns(worlds=worlds, episodes=result.rollout.episodes)
-    summary = result.summary | {"v_max_mps": robot.max_speed_mps} | runs.summary()
+    summary = result.summary | {"v_max_mps": v_max_mps} | runs.summary()
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
         write_table(options.out / "episodes.parquet", runs.to_table())
@@ -97,12 +99,17 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _robot(options: BarnOptions) -> RobotConfig:
-    """The robot of the policy, which must have the Jackal's body, at v_max. Raises ConfigError."""
-    robot = JACKAL if options.policy == api.PLANNER else load_robot(api.robot_of(options.policy))
+def _driver(options: BarnOptions) -> tuple[str | MlpPolicy, RobotConfig, float]:
+    """The policy at v_max, its robot, which must have the Jackal's body, and v_max. Raises AdrlError."""
+    if options.policy == api.PLANNER:
+        v_max = JACKAL.max_speed_mps if options.v_max is None else options.v_max
+        return options.policy, dataclasses.replace(JACKAL, max_speed_mps=v_max), v_max
+    policy = load_policy(api.resolve_policy(options.policy))
+    robot = robot_from_fields(policy.config.robot)
     if robot.footprint_m != JACKAL.footprint_m:
         raise ConfigError(
             f"policy {options.policy!r} drives robot {robot.name!r}, whose body is not the Jackal's of the benchmark; "
             "train with --robot jackal"
         )
-    return robot if options.v_max is None else dataclasses.replace(robot, max_speed_mps=options.v_max)
+    v_max = robot.max_speed_mps if options.v_max is None else options.v_max
+    return SpeedLimited(policy, robot, v_max), robot, v_max

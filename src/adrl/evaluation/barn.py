@@ -7,8 +7,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from adrl.deploy.policy import MlpPolicy
+from adrl.errors import ConfigError
 from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.statistics import Interval, bootstrap_mean
+from adrl.types import RobotConfig
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
     from adrl.worlds.barn import BarnWorld
 
 Array = NDArray[np.float64]
+F32 = NDArray[np.float32]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +48,29 @@ def scores(success: ArrayLike, time_s: ArrayLike, optimal_time_s: ArrayLike) -> 
     """
     optimal = np.asarray(optimal_time_s, dtype=np.float64)
     return np.asarray(success) * optimal / np.clip(time_s, 2.0 * optimal, 8.0 * optimal)
+
+
+class SpeedLimited(MlpPolicy):
+    """A policy whose speed commands are cut off at v_max; it sees how fast it drives, so this is nothing new to it.
+
+    robot: the one it drives. Raises ConfigError for a limit that the robot's own makes void, or that stops it.
+    """
+
+    def __init__(self, policy: MlpPolicy, robot: RobotConfig, v_max_mps: float) -> None:
+        super().__init__(policy.layers, policy.config)
+        if not 0.0 < v_max_mps <= robot.max_speed_mps:
+            raise ConfigError(
+                f"v_max is {v_max_mps} m/s; give more than 0 and at most the {robot.max_speed_mps} m/s that the policy "
+                "was trained with"
+            )
+        span_mps = robot.max_speed_mps - robot.min_speed_mps
+        self._most = np.float32(2.0 * (v_max_mps - robot.min_speed_mps) / span_mps - 1.0)
+
+    def act(self, observation: F32) -> F32:
+        """(N, D) observations -> (N, 2) actions in [-1, 1]: speed, yaw rate."""
+        actions = super().act(observation)
+        np.minimum(actions[:, 0], self._most, out=actions[:, 0])
+        return actions
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -118,8 +145,19 @@ class BarnRuns:
 
 def world_table(summary: Mapping[str, Any]) -> "Table":
     """A rich table, one row a world."""
-    table = _table(f"{summary['policy']}, v_max {summary['v_max_mps']:g} m/s, {summary['trials']} trials a world")
-    for heading in ("world", "path\nm", "OT\ns", "success\n%", "collision\n%", "timeout\n%", "Av.T\ns", "score\n"):
+    table = _table(
+        f"{summary['policy']}, v_max {summary['v_max_mps']:g} m/s, {summary['trials']} trials a world"
+    )
+    for heading in (
+        "world",
+        "path\nm",
+        "OT\ns",
+        "success\n%",
+        "collision\n%",
+        "timeout\n%",
+        "Av.T\ns",
+        "score\n",
+    ):
         table.add_column(heading, justify="right")
     for row in summary["per_world"]:
         rates = (f"{100 * row[name]:.0f}" for name in ("success", "collision", "timeout"))
@@ -159,7 +197,9 @@ def _table(title: str) -> "Table":
     from rich.table import Table
     from rich.text import Text
 
-    return Table(title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False)
+    return Table(
+        title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False
+    )
 
 
 def _with_ends(summary: Mapping[str, Any], name: str, scale: float, decimals: int) -> str:

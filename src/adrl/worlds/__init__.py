@@ -1,7 +1,8 @@
 """Robots, scenarios, maps and Gazebo worlds.
 
 A scenario draws tasks: SCENARIOS holds those that make a new world for every task, MapScenario and
-SdfScenario work in a given one, BarnScenario in the given ones of a benchmark. task_set() gives the fixed tasks of a split.
+SdfScenario work in a given one, BarnScenario in the given ones of a benchmark. task_set() gives the fixed
+tasks of a split.
 """
 
 from adrl.errors import ConfigError

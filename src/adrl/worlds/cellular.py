@@ -11,8 +11,10 @@ from adrl.worlds.barn import CELL_M, FIELD_CELLS, field_task, field_world, path_
 
 BATCH = 32
 """Fields drawn at once: most dense ones have no way through."""
-BATCHES = 1000
-"""Batches tried for one task."""
+BATCHES = 100
+"""Batches tried with one fill and number of steps,"""
+DENSITIES = 20
+"""and how many of those are tried: robots wider than the benchmark's get sparser fields."""
 
 Fields = NDArray[np.bool_]
 
@@ -29,25 +31,34 @@ class Cellular:
 
     def generate(self, rng: np.random.Generator, robot: RobotConfig) -> World:
         """Draw a field with a way through for this robot. Raises TaskError for one too large."""
-        fill = rng.uniform(*self.fill)
-        steps = int(rng.integers(self.smoothings[0], self.smoothings[1] + 1))
         margin = margin_cells(robot)
-        for _ in range(BATCHES):
-            fields = rng.random((BATCH, FIELD_CELLS, FIELD_CELLS)) < fill
-            fields[..., [0, -1]] = True
-            for _ in range(steps):
-                fields = smooth(fields)
-            open_ones = np.flatnonzero(have_way_through(fields, margin))
-            if len(open_ones):
-                return field_world(fields[open_ones[0]])
+        for _ in range(DENSITIES if 2 * margin < FIELD_CELLS - 2 else 0):
+            fill = rng.uniform(*self.fill)
+            steps = int(rng.integers(self.smoothings[0], self.smoothings[1] + 1))
+            field = _draw_open(rng, fill, steps, margin)
+            if field is not None:
+                return field_world(field)
         raise TaskError(
-            f"scenario {self.name!r}: none of {BATCH * BATCHES} fields has a way through for robot {robot.name!r}, "
-            f"which needs {2 * margin + 1} free cells of {CELL_M} m abreast; take a smaller robot or less fill"
+            f"scenario {self.name!r}: no field has a way through for robot {robot.name!r}, which needs "
+            f"{2 * margin + 1} free cells of {CELL_M} m abreast; take a smaller robot or less fill"
         )
 
     def task(self, rng: np.random.Generator, robot: RobotConfig) -> Task:
         """Draw a field and its task. Raises TaskError for a robot too large for it."""
         return field_task(self.generate(rng, robot), robot)
+
+
+def _draw_open(rng: np.random.Generator, fill: float, steps: int, margin: int) -> Fields | None:
+    """(rows, columns) a field with a way through, or None when none of many has one."""
+    for _ in range(BATCHES):
+        fields = rng.random((BATCH, FIELD_CELLS, FIELD_CELLS)) < fill
+        fields[..., [0, -1]] = True
+        for _ in range(steps):
+            fields = smooth(fields)
+        open_ones = np.flatnonzero(have_way_through(fields, margin))
+        if len(open_ones):
+            return fields[open_ones[0]]
+    return None
 
 
 def smooth(fields: Fields) -> Fields:
@@ -73,9 +84,10 @@ def margin_cells(robot: RobotConfig) -> int:
 
 
 def have_way_through(fields: Fields, margin: int) -> NDArray[np.bool_]:
-    """(B, rows, columns) -> (B,) whether cells with so many free ones on every side lead from the first row to the last.
+    """(B, rows, columns) -> (B,) whether a way leads from the first row to the last.
 
-    Beyond the first and last row all is free, as the benchmark has it.
+    It is of cells, side by side, with so many free ones on every side. Beyond the first and the last row all is free,
+    as the benchmark has it.
     """
     # SciPy's import takes 0.4 s, and a list of scenarios should not.
     from scipy import ndimage

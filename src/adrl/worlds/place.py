@@ -23,8 +23,8 @@ class Place:
     barn: Path | None = None
     """Folder of worlds of the BARN benchmark with their paths, instead of a scenario."""
     barn_held_out: int = 0
-    """So many of these worlds, evenly spread in the order of their numbers, are kept for validation and test, and training
-    has the others; 0 trains, validates and tests on all."""
+    """So many of these worlds, evenly spread in the order of their numbers, are kept for validation and test, and
+    training has the others; 0 trains, validates and tests on all."""
 
     def __post_init__(self) -> None:
         if sum(place is not None for place in (self.scenario, self.map, self.world, self.barn)) > 1:
