@@ -115,5 +115,5 @@ def test_the_corridor_is_the_benchmarks(shared_data: Path) -> None:
     """All of a world below its field is the same in both."""
     ours = CELLULAR.task(np.random.default_rng(0), JACKAL).world.circles
     theirs = load_sdf(shared_data / "barn" / "worlds" / "world_18.world").circles
-    lower = [np.sort(circles[circles[:, 1] < 5.1].round(6), axis=0) for circles in (ours, theirs)]
-    np.testing.assert_array_equal(*lower)
+    mine, given = (np.sort(circles[circles[:, 1] < 5.1].round(6), axis=0) for circles in (ours, theirs))
+    np.testing.assert_array_equal(mine, given)

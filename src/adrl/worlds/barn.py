@@ -13,6 +13,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adrl.errors import ConfigError, PlanningError, TaskError, UnknownName, WorldError
 from adrl.planning.global_planner import length_m, plan
@@ -114,19 +115,18 @@ def benchmark_path(cells: Array) -> Array:
     return np.concatenate([[START[:2]], points, [GOAL]])
 
 
-def field_world(filled: Array) -> World:
+def field_world(filled: NDArray[np.bool_]) -> World:
     """A world with cylinders on the filled cells (FIELD_CELLS rows from the corridor on, FIELD_CELLS columns).
 
     Cylinders with all eight neighbours filled are left out, as the benchmark does: nothing sees or touches them.
     """
-    solid = np.asarray(filled, dtype=bool)
-    around = np.pad(solid, 1)
-    rows, columns = solid.shape
+    around = np.pad(filled, 1)
+    rows, columns = filled.shape
     shifts = [(i, j) for i in range(3) for j in range(3)]
     hidden = np.logical_and.reduce([around[i : i + rows, j : j + columns] for i, j in shifts])
     corridor = np.zeros((CORRIDOR_CELLS, FIELD_CELLS), dtype=bool)
     corridor[:, [0, -1]] = corridor[0] = True
-    row, column = np.nonzero(np.concatenate([corridor, solid & ~hidden]))
+    row, column = np.nonzero(np.concatenate([corridor, filled & ~hidden]))
     radius = 0.5 * CELL_M
     x, y = BOUNDS[0] + column * CELL_M + radius, BOUNDS[1] + row * CELL_M + radius
     return World(bounds=BOUNDS, circles=np.column_stack([x, y, np.full(len(x), radius)]))

@@ -93,10 +93,11 @@ def have_way_through(fields: Fields, margin: int) -> NDArray[np.bool_]:
     from scipy import ndimage
 
     window = np.ones((1, 2 * margin + 1, 2 * margin + 1), dtype=bool)
-    blocked = ndimage.binary_dilation(fields, structure=window)
+    free = ~np.asarray(ndimage.binary_dilation(fields, structure=window), dtype=np.bool_)
     one_by_one = np.zeros((3, 3, 3), dtype=bool)
     one_by_one[1] = ndimage.generate_binary_structure(2, 1)
-    labels = np.asarray(ndimage.label(~blocked, structure=one_by_one)[0])
+    labels = np.empty(fields.shape, dtype=np.int32)
+    ndimage.label(free, structure=one_by_one, output=labels)
     # Labels are unlike from field to field, so those of all last rows can be looked up at once.
     arrived = np.isin(labels[:, 0], labels[:, -1][labels[:, -1] > 0])
-    return arrived.any(axis=1)
+    return np.logical_or.reduce(arrived, axis=1)
