@@ -17,6 +17,7 @@ import pytest
 from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
 from adrl.cli import COMMANDS, main
+from adrl.commands.barn import BarnOptions
 from adrl.commands.bench import LearnOptions, PlanOptions, SimOptions
 from adrl.commands.collect import CollectOptions
 from adrl.commands.evaluate import EvaluateOptions
@@ -34,6 +35,7 @@ OPTIONS: dict[str, Any] = {
     "train": RunConfig,
     "evaluate": EvaluateOptions,
     "collect": CollectOptions,
+    "barn": BarnOptions,
     "compare": CompareConfig,
     "list": ListOptions,
     "bench sim": SimOptions,
