@@ -1,0 +1,82 @@
+"""The runtime is the simulator's guidance, encoder and policy: equal actions on recorded scans."""
+
+import dataclasses
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from adrl.deploy import Navigator
+from adrl.envs import NavSim
+from adrl.motion import F32
+from adrl.observation import EncoderConfig, to_twist
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.types import RobotConfig, Task, World
+from adrl.worlds import ROBOTS, get_scenario, single_task, task_set
+from deploy.recorded import Moment, a_policy, record
+
+DRIFTING = dataclasses.replace(ROBOTS["diffbot"], odometry_drift=0.05)
+
+
+def replay(navigator: Navigator, moments: list[Moment]) -> F32:
+    """(T, 2) commands of the runtime on what was recorded."""
+    period_s = navigator.robot.control_period_s
+    commands = [
+        navigator.step(m.scan, m.odometry, k * period_s, map_pose=m.map_pose) for k, m in enumerate(moments)
+    ]
+    driven = [command.twist for command in commands if command.status == "driving"]
+    # It ends where odometry, which drifts, says that the goal is reached.
+    assert {command.status for command in commands[len(driven) :]} <= {"reached", "idle"}
+    return np.array(driven, dtype=np.float32)
+
+
+def driven(robot: RobotConfig, guidance: str, task: Task, history_steps: int, steps: int = 250):
+    """The runtime's commands, those of the simulator, and the simulator."""
+    policy = a_policy(robot, history_steps=history_steps)
+    encoder = EncoderConfig(history_steps=history_steps)
+    sim = NavSim(
+        1, robot, guidance=guidance, encoder=encoder, maturity=policy.config.maturity, replanner=ReplannerConfig()
+    )
+    moments = record(sim, policy, task, steps)
+    world = task.world if guidance == "map" else None
+    navigator = Navigator(policy, guidance=guidance, world=world, supervisor=None)
+    navigator.set_goal(task.goal, task.path if guidance == "map" else None)
+    ours = replay(navigator, moments)
+    theirs = to_twist(np.array([m.action for m in moments]), robot)
+    return ours, theirs, sim
+
+
+@pytest.mark.parametrize("history_steps", [0, 5])
+@pytest.mark.parametrize("guidance", ["goal", "map"])
+@pytest.mark.parametrize("robot", [DRIFTING, ROBOTS["jackal"], ROBOTS["turtlebot3_burger"]], ids=lambda r: r.name)
+def test_commands_are_those_of_the_simulator(robot: RobotConfig, guidance: str, history_steps: int):
+    (task,) = task_set(get_scenario("dynamic"), robot, "test", 1)
+    ours, theirs, _ = driven(robot, guidance, task, history_steps)
+    assert len(ours) > 20
+    np.testing.assert_allclose(ours, theirs[: len(ours)], atol=1e-5)
+
+
+@pytest.mark.parametrize("history_steps", [0, 5])
+def test_commands_are_those_of_the_simulator_when_stuck(history_steps: int):
+    """Behind a wall the replanner takes over; its routes are the same too."""
+    wall = np.array([[0.0, -2.0, 0.0, 2.0], [-1.5, -2.0, 0.0, -2.0], [-1.5, 2.0, 0.0, 2.0]])
+    task = single_task(World(bounds=(-5, -5, 5, 5), segments=wall), (-1.0, 0.0, 0.0), (2.0, 0.0), DRIFTING)
+    ours, theirs, sim = driven(DRIFTING, "replan", task, history_steps, steps=300)
+    assert sim.replanner is not None
+    assert sim.replanner.replans[0] > 0
+    assert len(ours) > 100
+    np.testing.assert_allclose(ours, theirs[: len(ours)], atol=1e-5)
+
+
+def test_a_path_of_its_own_is_the_simulators():
+    """Without a path it plans as tasks are planned."""
+    robot = ROBOTS["diffbot"]
+    (drawn,) = task_set(get_scenario("complex"), robot, "test", 1)
+    task = single_task(drawn.world, drawn.start, drawn.goal, robot)
+    policy = a_policy(robot)
+    moments = record(NavSim(1, robot, guidance="map"), policy, task, 100)
+    navigator = Navigator(policy, guidance="map", world=task.world, supervisor=None)
+    navigator.set_goal(task.goal)
+    theirs = to_twist(np.array([m.action for m in moments]), robot)
+    np.testing.assert_allclose(replay(navigator, moments), theirs, atol=1e-5)
