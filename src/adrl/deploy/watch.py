@@ -48,6 +48,7 @@ class SensorWatch:
         self.odometry: deque[Odometry] = deque(maxlen=KEPT)
         self._content = b""
         self._first_seen_at: Pose | None = None
+        self._frozen = False
 
     def take(self, scan: Scan | None, odometry: Odometry | None, now_s: float) -> tuple[Reason, ...]:
         """Take in what came since the last call, in any order and of any quality; why not to drive by it."""
@@ -107,9 +108,12 @@ class SensorWatch:
             return []  # overtaken by a newer one
         self.scan = scan
         content = scan.ranges.tobytes()
-        if content != self._content or self._first_seen_at is None:
-            self._content = content
-            self._first_seen_at = self.odometry[-1].pose if self.odometry else None
+        here = self.odometry[-1].pose if self.odometry else None
+        if content != self._content or self._first_seen_at is None or here is None:
+            self._content, self._first_seen_at, self._frozen = content, here, False
+        else:
+            moved_m, turned_rad = moved(self._first_seen_at, here)
+            self._frozen = moved_m > MOVED_M or turned_rad > MOVED_RAD
         return []
 
     def _doubts(self, scan: Scan) -> list[Reason]:
@@ -119,11 +123,8 @@ class SensorWatch:
             return ["scan_invalid"]
         if told.mean() < self._least_told or widest_hole_rad(scan, told) > self._largest_hole_rad:
             return ["scan_sparse"]
-        if self._first_seen_at is not None and np.isfinite(ranges).any():
-            moved_m, turned_rad = moved(self._first_seen_at, self.odometry[-1].pose)
-            if moved_m > MOVED_M or turned_rad > MOVED_RAD:
-                return ["scan_frozen"]
-        return []
+        # Where nothing is in reach, scans are alike.
+        return ["scan_frozen"] if self._frozen and np.isfinite(ranges).any() else []
 
 
 def sees_all_round(scan: Scan) -> bool:
