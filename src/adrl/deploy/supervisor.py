@@ -45,8 +45,8 @@ class SupervisorConfig:
     """Control periods for which the base may go on with a command when no other comes: the time of its watchdog."""
     margin_m: float = 0.02
     """Distance in m kept from what the LiDAR has hit, beside half the gap between two beams there."""
-    least_told: float = 0.5
-    """Share of the beams that must tell something."""
+    least_told: float = 0.4
+    """Share of the field of view that the policy was trained with of which beams must tell something."""
     largest_hole_rad: float = 0.35
     """Widest run of beams, rad, that may tell nothing."""
 

@@ -121,7 +121,9 @@ class SensorWatch:
         ranges, told = readings(scan, zero_is_free=self._zero_is_free)
         if not told.any():
             return ["scan_invalid"]
-        if told.mean() < self._least_told or widest_hole_rad(scan, told) > self._largest_hole_rad:
+        told_rad = np.count_nonzero(told) * abs(scan.angle_increment_rad)
+        needed_rad = self._least_told * self.robot.lidar.fov_rad
+        if told_rad < needed_rad or widest_hole_rad(scan, told) > self._largest_hole_rad:
             return ["scan_sparse"]
         # Where nothing is in reach, scans are alike.
         return ["scan_frozen"] if self._frozen and np.isfinite(ranges).any() else []
