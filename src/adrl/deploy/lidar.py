@@ -52,8 +52,8 @@ class LidarAdapter:
     def __call__(self, scan: Scan) -> F32:
         """(K,) ranges of the trained beams.
 
-        Between two beams on one surface that surface is met; between others the nearer beam counts, and all beams of
-        a denser scan do: the nearest hit within half a trained beam. A LiDAR of shorter reach sees free space beyond
+        Between two beams on one surface that surface is met; between others the beam at the smaller angle counts. Of a
+        denser scan, what stands out before the surface within half a trained beam is not lost. A LiDAR of shorter reach sees free space beyond
         it; directions that it does not cover read the greatest range.
         """
         ranges, told = readings(scan, zero_is_free=self.zero_is_free)
@@ -83,7 +83,10 @@ class LidarAdapter:
         if self.trained.fov_rad >= 2.0 * math.pi - 1e-9:
             number %= self.trained.num_beams
         inside = (np.abs(beam - np.rint(beam)) < 0.499) & (number < self.trained.num_beams)
-        np.minimum.at(out, number[inside], ranges[inside])
+        nearest = np.full(len(out), np.inf)
+        np.minimum.at(nearest, number[inside], ranges[inside])
+        # On a slanted wall the beam's own range is the truth; a post before it must not be lost.
+        np.copyto(out, nearest, where=nearest < out / (1.0 + CONTIGUOUS))
 
 
 def _interpolate(angles: Array, ranges: Array, wanted: Array) -> Array:
