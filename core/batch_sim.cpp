@@ -184,8 +184,7 @@ void BatchSim::sense(int i) {
 void BatchSim::guide(int i) {
     const Task &task = *tasks_[i];
     double &along = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
-    const Guided guided =
-        follow_path(*task.world, task.path, rules_, {b_.pose[3 * i], b_.pose[3 * i + 1]}, along);
+    const Guided guided = follow_path(*task.world, task.path, rules_, {b_.pose[3 * i], b_.pose[3 * i + 1]}, along);
     along = guided.along;
     b_.route_left[i] = guided.left;
     const Vec2 waypoint = rules_.lookahead > 0.0 ? guided.waypoint : task.goal;

@@ -36,7 +36,8 @@ class Braking {
 
     // Whether a robot at the origin that executes the orders and then brakes keeps every hit at least its margin away;
     // a hit nearer than that already only has to come no nearer, and one inside the footprint, which is the robot
-    // itself or already touched, is passed over. hits is sorted out in place: only those within reach are left in front.
+    // itself or already touched, is passed over. hits is sorted out in place: only those within reach are left in
+    // front.
     bool stays_clear(Twist twist, std::span<const Order> orders, std::span<Hit> hits) const;
 
   private:

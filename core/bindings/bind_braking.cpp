@@ -59,6 +59,5 @@ void bind_braking(nb::module_ &m) {
         .def(nb::new_(&make_braking), nb::arg("radius_m"), nb::arg("footprint").noconvert(), nb::arg("response"),
              nb::arg("dt_s"))
         .def("roll", &roll, nb::arg("pose"), nb::arg("twist"), nb::arg("orders").noconvert())
-        .def("stays_clear", &stays_clear, nb::arg("twist"), nb::arg("orders").noconvert(),
-             nb::arg("hits").noconvert());
+        .def("stays_clear", &stays_clear, nb::arg("twist"), nb::arg("orders").noconvert(), nb::arg("hits").noconvert());
 }

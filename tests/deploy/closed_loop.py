@@ -49,8 +49,9 @@ def drive(
     *,
     speeds: Array | None = None,
 ) -> tuple[NavSim, Array]:
-    """One robot a world, each behind a supervisor, told command(step, robot). speeds: (N, 2) at first; at rest when None.
+    """One robot a world, each behind a supervisor, told command(step, robot).
 
+    speeds: (N, 2) at first; at rest when None.
     Returns the simulator and (N,) metres that the robots drove.
     """
     n, period_s = len(worlds), robot.control_period_s
@@ -62,7 +63,7 @@ def drive(
     supervisors = [make(robot) for _ in worlds]
     for k in range(steps):
         now_s = k * period_s
-        for i in np.flatnonzero(sim.b["active"]):
+        for i in np.flatnonzero(sim.b["active"]).tolist():
             scan, odometry = as_scan(sim.b["ranges"][i], robot.lidar, now_s), as_odometry(sim, i, now_s)
             faults = supervisors[i].watch(scan, odometry, now_s)
             wanted = command(k, i)

@@ -70,8 +70,8 @@ class Loop:
         for k in range(self.step, self.step + steps):
             stamp_s = k * period_s
             self.age += 1
-            for i in np.flatnonzero(b["active"]):
-                scan = channel(k, int(i), as_scan(b["ranges"][i], self.robot.lidar, clock(stamp_s)))
+            for i in np.flatnonzero(b["active"]).tolist():
+                scan = channel(k, i, as_scan(b["ranges"][i], self.robot.lidar, clock(stamp_s)))
                 message = odometry(k, as_odometry(self.sim, i, clock(stamp_s)))
                 if node(k):
                     self._command(i, self.navigators[i].step(scan, message, clock(stamp_s)))
@@ -245,9 +245,7 @@ def test_dropped_odometry():
 def test_odometry_that_is_no_number():
     run = loop()
     lost = (math.nan, 0.0, 0.0)
-    run.run(
-        FAULT.stop, odometry=lambda k, m: dataclasses.replace(m, pose=lost) if k in FAULT else m
-    )
+    run.run(FAULT.stop, odometry=lambda k, m: dataclasses.replace(m, pose=lost) if k in FAULT else m)
     outlasts(run)
 
 

@@ -20,10 +20,14 @@ PILLARS = room(6.0, circles=[(1.5, 0.5, 0.3), (-1.0, 1.2, 0.2), (0.3, -1.8, 0.4)
 
 def cast(angles: Array, sensor: Pose = (0.0, 0.0, 0.0), reach_m: float = 6.0) -> Array:
     """(K,) ranges of beams from a sensor's pose."""
-    return _core.raycast(PILLARS.native, np.array([sensor], dtype=np.float64), angles, reach_m)[0].astype(np.float64)
+    return _core.raycast(PILLARS.native, np.array([sensor], dtype=np.float64), angles, reach_m)[0].astype(
+        np.float64
+    )
 
 
-def a_scan(ranges: Array, angle_min: float, increment: float, reach_m: float = 6.0, least_m: float = 0.0) -> Scan:
+def a_scan(
+    ranges: Array, angle_min: float, increment: float, reach_m: float = 6.0, least_m: float = 0.0
+) -> Scan:
     return Scan(
         ranges=ranges,
         angle_min_rad=angle_min,
@@ -34,14 +38,16 @@ def a_scan(ranges: Array, angle_min: float, increment: float, reach_m: float = 6
     )
 
 
-def scan_of(count: int, *, fov_rad: float = 2.0 * math.pi, clockwise: bool = False, sensor: Pose = (0, 0, 0)) -> Scan:
+def scan_of(
+    count: int, *, fov_rad: float = 2.0 * math.pi, clockwise: bool = False, sensor: Pose = (0, 0, 0)
+) -> Scan:
     """A scan of another LiDAR at a pose on the robot, which stands at the origin."""
     whole = fov_rad > 2.0 * math.pi - 1e-9
     increment = fov_rad / (count if whole else count - 1)
     first = -0.5 * fov_rad
     if clockwise:
         first, increment = -first, -increment
-    return a_scan(cast(first + increment * np.arange(count), sensor), first, increment)
+    return a_scan(cast(first + increment * np.arange(count, dtype=np.float64), sensor), first, increment)
 
 
 def agreeing(ours: Array, truth: Array, tolerance_m: float) -> float:
@@ -52,10 +58,15 @@ def agreeing(ours: Array, truth: Array, tolerance_m: float) -> float:
 def test_its_own_lidar_reads_the_same():
     """To the last bit that training sees, noise and all."""
     rng = np.random.default_rng(0)
-    for lidar in (TRAINED, LidarConfig(num_beams=720, fov_rad=1.5 * math.pi, max_range_m=30.0, mount_x_m=0.12)):
+    for lidar in (
+        TRAINED,
+        LidarConfig(num_beams=720, fov_rad=1.5 * math.pi, max_range_m=30.0, mount_x_m=0.12),
+    ):
         ranges = rng.uniform(0.05, lidar.max_range_m, lidar.num_beams).astype(np.float32)
         ranges[::7] = lidar.max_range_m
-        scan = a_scan(ranges.astype(np.float64), lidar.angle_min_rad, lidar.angle_increment_rad, lidar.max_range_m)
+        scan = a_scan(
+            ranges.astype(np.float64), lidar.angle_min_rad, lidar.angle_increment_rad, lidar.max_range_m
+        )
         np.testing.assert_allclose(LidarAdapter(lidar)(scan), ranges, atol=1e-6)
 
 
@@ -118,7 +129,17 @@ def test_what_the_readings_mean():
     ranges, told = readings(scan)
     assert told.tolist() == [True, False, True, False, False, True, True, True, False]
     assert ranges[told].tolist() == [np.inf, 0.1, 0.5, np.inf, np.inf]
-    assert readings(scan, zero_is_free=True)[1].tolist() == [True, False, True, True, False, True, True, True, False]
+    assert readings(scan, zero_is_free=True)[1].tolist() == [
+        True,
+        False,
+        True,
+        True,
+        False,
+        True,
+        True,
+        True,
+        False,
+    ]
 
 
 def test_no_beam_tells_anything():

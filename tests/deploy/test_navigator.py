@@ -36,7 +36,12 @@ def driven(robot: RobotConfig, guidance: str, task: Task, history_steps: int, st
     policy = a_policy(robot, history_steps=history_steps)
     encoder = EncoderConfig(history_steps=history_steps)
     sim = NavSim(
-        1, robot, guidance=guidance, encoder=encoder, maturity=policy.config.maturity, replanner=ReplannerConfig()
+        1,
+        robot,
+        guidance=guidance,
+        encoder=encoder,
+        maturity=policy.config.maturity,
+        replanner=ReplannerConfig(),
     )
     moments = record(sim, policy, task, steps)
     world = task.world if guidance == "map" else None
@@ -49,7 +54,9 @@ def driven(robot: RobotConfig, guidance: str, task: Task, history_steps: int, st
 
 @pytest.mark.parametrize("history_steps", [0, 5])
 @pytest.mark.parametrize("guidance", ["goal", "map"])
-@pytest.mark.parametrize("robot", [DRIFTING, ROBOTS["jackal"], ROBOTS["turtlebot3_burger"]], ids=lambda r: r.name)
+@pytest.mark.parametrize(
+    "robot", [DRIFTING, ROBOTS["jackal"], ROBOTS["turtlebot3_burger"]], ids=lambda r: r.name
+)
 def test_commands_are_those_of_the_simulator(robot: RobotConfig, guidance: str, history_steps: int):
     (task,) = task_set(get_scenario("dynamic"), robot, "test", 1)
     ours, theirs, _ = driven(robot, guidance, task, history_steps)
@@ -80,3 +87,29 @@ def test_a_path_of_its_own_is_the_simulators():
     navigator.set_goal(task.goal)
     theirs = to_twist(np.array([m.action for m in moments]), robot)
     np.testing.assert_allclose(replay(navigator, moments), theirs, atol=1e-5)
+
+
+def test_a_robot_needs_numpy_safetensors_and_the_core_only():
+    """With every other package out of reach it loads the shipped policy and drives."""
+    code = """
+import sys
+class Only:
+    def find_spec(self, name, path=None, target=None):
+        top = name.partition('.')[0]
+        if top in {'numpy', 'safetensors', 'adrl'} or top in sys.stdlib_module_names or top.startswith('_adrl'):
+            return None
+        raise ModuleNotFoundError(f'no {name} on a robot')
+sys.meta_path.insert(0, Only())
+import math
+from pathlib import Path
+import adrl
+from adrl.deploy import Navigator, Odometry, Scan
+navigator = Navigator.load(Path(adrl.__file__).parent / 'policies' / 'default', guidance='replan')
+navigator.set_goal((3.0, 0.0))
+scan = Scan(ranges=[4.0] * 180, angle_min_rad=-math.pi, angle_increment_rad=math.tau / 180, range_max_m=6.0,
+            stamp_s=0.0)
+command = navigator.step(scan, Odometry(pose=(0, 0, 0), twist=(0, 0), stamp_s=0.0), 0.0)
+print(command.status, command.twist[0] > 0.0)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["driving", "True"], done.stderr

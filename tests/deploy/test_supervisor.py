@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,7 +50,8 @@ def commands(robot: RobotConfig, seed: int, lasting: int):
 def test_no_command_leads_to_a_collision(robot: RobotConfig, seed: int, lasting: int):
     """Robots that start at rest could always have stopped, so none may ever hit anything."""
     worlds = [
-        obstacle_course(np.random.default_rng((seed, i)), robot.circumscribed_radius_m + 0.1) for i in range(6)
+        obstacle_course(np.random.default_rng((seed, i)), robot.circumscribed_radius_m + 0.1)
+        for i in range(6)
     ]
     sim, driven_m = drive(robot, worlds, commands(robot, seed, lasting), 60)
     assert not sim.b["collided"].any()
@@ -97,9 +99,9 @@ def slow_clearances(
         mean = 0.5 * (now + following)
         pieces = 1 + int(np.abs(mean).sum() * dt_s / step_m)
         for k in range(1, pieces + 1):
-            at = _core.integrate(pose, mean[None], dt_s * k / pieces)
-            rows.append([distance(robot, at[0], p) for p in points])
-        pose, now = at, following
+            at = _core.integrate(pose, mean[None], dt_s * k / pieces)[0]
+            rows.append([distance(robot, at, p) for p in points])
+        pose, now = _core.integrate(pose, mean[None], dt_s), following
         if np.abs(now).max() < 1e-3 and len(rows) > len(whole):
             break
     return np.array(rows)
@@ -141,7 +143,9 @@ def test_rolling_is_how_the_simulator_moves():
     robot = dataclasses.replace(rid_of_noise(DIFFBOT), latency_s=0.0)
     told = commands(robot, 3, 1)
     worlds = [obstacle_course(np.random.default_rng(0), 2.0)]
-    sim, _ = drive(robot, worlds, told, 5, make=lambda robot: Supervisor(robot, SupervisorConfig(margin_m=0.0)))
+    sim, _ = drive(
+        robot, worlds, told, 5, make=lambda robot: Supervisor(robot, SupervisorConfig(margin_m=0.0))
+    )
     response = (robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2, robot.lag_s)
     base = _core.Braking(0.2, robot.polygon, response, 0.1)
     # Limited by acceleration or not, the base makes the same of a command.
@@ -154,7 +158,7 @@ def test_rolling_is_how_the_simulator_moves():
 # --- sensors ------------------------------------------------------------------------------------------------
 
 
-def a_scan(stamp_s: float, ranges: Array | None = None, **changes: object) -> Scan:
+def a_scan(stamp_s: float, ranges: Array | None = None, **changes: Any) -> Scan:
     beams = 180
     fields = dict(
         ranges=np.full(beams, 3.0) + 1e-3 * math.sin(stamp_s) if ranges is None else ranges,
@@ -199,10 +203,13 @@ FEW = np.where(np.arange(180) % 4 == 0, 3.0, np.nan)
         ("clock_jumped", {"stamp_s": 1e4}),
     ],
 )
-def test_a_bad_scan_stops_at_once(reason: str, change: dict[str, object]):
+def test_a_bad_scan_stops_at_once(reason: str, change: dict[str, Any]):
     supervisor = Supervisor(DIFFBOT)
     now_s = under_way(supervisor)
-    assert reason in supervisor.watch(a_scan(**({"stamp_s": now_s} | change)), an_odometry(now_s), now_s)
+    other = {name: value for name, value in change.items() if name != "stamp_s"}
+    assert reason in supervisor.watch(
+        a_scan(change.get("stamp_s", now_s), **other), an_odometry(now_s), now_s
+    )
     assert supervisor.watch(a_scan(now_s + 0.1), an_odometry(now_s + 0.1), now_s + 0.1) == ()
 
 

@@ -32,13 +32,15 @@ def readings(scan: Scan, *, zero_is_free: bool = False) -> tuple[Array, Mask]:
 
 def beam_angles(scan: Scan) -> Array:
     """(K,) angles of the beams in the sensor's frame."""
-    return scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(scan.ranges))
+    return scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(scan.ranges), dtype=np.float64)
 
 
 class LidarAdapter:
     """Resamples scans of a real LiDAR to the beams of the LiDAR a policy was trained with."""
 
-    def __init__(self, trained: LidarConfig, mount: Pose | None = None, *, zero_is_free: bool = False) -> None:
+    def __init__(
+        self, trained: LidarConfig, mount: Pose | None = None, *, zero_is_free: bool = False
+    ) -> None:
         """mount: of the real LiDAR in the robot's frame; that of the trained one when None."""
         self.trained = trained
         self.mount = mount or (trained.mount_x_m, trained.mount_y_m, trained.mount_yaw_rad)
@@ -52,9 +54,9 @@ class LidarAdapter:
     def __call__(self, scan: Scan) -> F32:
         """(K,) ranges of the trained beams.
 
-        Between two beams on one surface that surface is met; between others the beam at the smaller angle counts. Of a
-        denser scan, what stands out before the surface within half a trained beam is not lost. A LiDAR of shorter reach sees free space beyond
-        it; directions that it does not cover read the greatest range.
+        Between two beams on one surface that surface is met; at its rim the beam nearer in angle counts. Of a denser
+        scan, what stands out before the surface within half a trained beam is not lost. A LiDAR of shorter reach
+        sees free space beyond it; directions that it does not cover read the greatest range.
         """
         ranges, told = readings(scan, zero_is_free=self.zero_is_free)
         angles, ranges = self._in_trained_frame(beam_angles(scan)[told], ranges[told])

@@ -20,7 +20,7 @@ from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Command, Odometry, Pose, Reason, Scan, Status, Twist
 from adrl.deploy.policy import MlpPolicy, load_policy
 from adrl.deploy.setup import setup_of
-from adrl.deploy.supervisor import Supervisor, SupervisorConfig
+from adrl.deploy.supervisor import DEFAULT, Supervisor, SupervisorConfig
 from adrl.errors import ConfigError, PlanningError, UnknownName
 from adrl.motion import ScanHistory
 from adrl.observation import ObservationEncoder, in_robot_frame, to_action, to_twist
@@ -52,7 +52,7 @@ class Navigator:
         mount: Pose | None = None,
         zero_is_free: bool = False,
         goal_tolerance_m: float = GOAL_TOLERANCE_M,
-        supervisor: SupervisorConfig | None = SupervisorConfig(),
+        supervisor: SupervisorConfig | None = DEFAULT,
     ) -> None:
         """guidance: as trained when None. world: the known map of guidance `map`. mount: of the robot's LiDAR, as
         trained when None; zero_is_free: see LidarAdapter. supervisor: None drives without one: in simulation only.
@@ -127,17 +127,24 @@ class Navigator:
             return self._stand("idle" if self.goal is None else "stopped", now_s, faults)
         if self.supervisor is not None:
             scan, odometry = self.supervisor.newest()
-        assert scan is not None and odometry is not None
+        assert scan is not None
+        assert odometry is not None
         place = odometry.pose if map_pose is None or self._map is None else map_pose
         if self._arrived(place, self.goal):
             self.cancel()
             return self._stand("reached", now_s)
-        ranges, reckoned = self._adapter(scan)[None], np.array([odometry.pose])
         try:
-            waypoint, distance_m = self._guide(ranges, reckoned, place, self.goal, now_s)
+            return self._drive(scan, odometry, place, self.goal, now_s)
         except PlanningError as error:
             self.cancel()
             return self._stand("failed", now_s, message=str(error))
+
+    def _drive(
+        self, scan: Scan, odometry: Odometry, place: Pose, goal: tuple[float, float], now_s: float
+    ) -> Command:
+        """One step of NavSim: guidance, encoder, policy; then the supervisor. Raises PlanningError."""
+        ranges, reckoned = self._adapter(scan)[None], np.array([odometry.pose])
+        waypoint, distance_m = self._guide(ranges, reckoned, place, goal, now_s)
         self._remember(ranges, reckoned)
         towards = in_robot_frame(np.array([place]), np.array([waypoint]))
         measured = np.array([odometry.twist])
@@ -151,7 +158,7 @@ class Navigator:
             status="driving",
             reasons=reasons,
             waypoint=waypoint,
-            plan=self._plan(place, waypoint, distance_m),
+            plan=self._plan(place, waypoint, goal, distance_m),
             distance_m=distance_m,
         )
 
@@ -230,11 +237,12 @@ class Navigator:
         else:
             self._history.add(ranges, reckoned)
 
-    def _plan(self, place: Pose, waypoint: tuple[float, float], left_m: float) -> Array:
-        here = np.array([place[:2], waypoint])
+    def _plan(
+        self, place: Pose, waypoint: tuple[float, float], goal: tuple[float, float], left_m: float
+    ) -> Array:
         if self._map is not None:
-            return np.concatenate([here[:1], self._map.remaining(left_m)])
-        return here if waypoint == self.goal else np.concatenate([here, [self.goal]])
+            return np.concatenate([[place[:2]], self._map.remaining(left_m)])
+        return np.array([place[:2], waypoint] if waypoint == goal else [place[:2], waypoint, goal])
 
 
 def _check_guidance(guidance: str, world: World | None) -> None:

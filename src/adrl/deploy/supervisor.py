@@ -6,6 +6,7 @@ It knows nothing of policies; any source of commands may be put behind it. Once 
     twist, reasons = supervisor.stop(now_s) if faults else supervisor.limit(wanted, now_s)
 """
 
+import bisect
 import logging
 import math
 from collections import deque
@@ -61,6 +62,9 @@ class SupervisorConfig:
                 raise ConfigError(f"supervisor.{name} is {value}; give 0 to {most:.3g}")
 
 
+DEFAULT = SupervisorConfig()
+
+
 class Supervisor:
     """Watches one robot's sensors and commands. Surroundings count as still while the robot comes to rest.
 
@@ -93,7 +97,7 @@ class Supervisor:
         )
         response = (robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2, robot.lag_s)
         self._base = _core.Braking(robot.radius_m or 0.0, robot.polygon, response, self._period_s)
-        self._told: tuple[Reason, ...] = ()
+        self._told: tuple[str, ...] = ()
         self._now_s = -math.inf
         self._commands: deque[tuple[float, Twist]] = deque()
         """When each command was sent, and what."""
@@ -136,9 +140,7 @@ class Supervisor:
         if not np.isfinite(wanted).all():
             return self.stop(now_s, ("command_invalid",))
         scan, odometry = self.newest()
-        pose, twist = self._base.roll(
-            odometry.pose, odometry.twist, self._orders(odometry.stamp_s, now_s)
-        )
+        pose, twist = self._base.roll(odometry.pose, odometry.twist, self._orders(odometry.stamp_s, now_s))
         pending = self._orders(now_s, now_s + self.robot.latency_s)
         _, starting = self._base.roll((0.0, 0.0, 0.0), twist, pending)
         reasons: list[Reason] = []
@@ -151,7 +153,9 @@ class Supervisor:
         hits = self._known_hits(scan, pose)
         speeds = dict.fromkeys(part * command[0] for part in SLOWER)
         choices = [(speed, command[1]) for speed in speeds]
-        chosen = next((choice for choice in choices if self._can_stop(choice, twist, pending, hits)), STANDSTILL)
+        chosen = next(
+            (choice for choice in choices if self._can_stop(choice, twist, pending, hits)), STANDSTILL
+        )
         if chosen != command:
             reasons.append("obstacle")
         return self._send(chosen, tuple(reasons), now_s)
@@ -198,7 +202,9 @@ class Supervisor:
         latency_s = self.robot.latency_s
         begins = [sent_s + latency_s for sent_s, _ in self._commands] or [end_s]
         rows = [(*STANDSTILL, min(begins[0], end_s) - start_s)]
-        for (_, twist), begin_s, until_s in zip(self._commands, begins, [*begins[1:], math.inf], strict=False):
+        for (_, twist), begin_s, until_s in zip(
+            self._commands, begins, [*begins[1:], math.inf], strict=False
+        ):
             rows.append((*twist, min(until_s, end_s) - max(begin_s, start_s)))
         return np.array([row for row in rows if row[2] > 1e-9]).reshape(-1, 3)
 
@@ -208,13 +214,10 @@ class Supervisor:
         if time_s >= known[-1].stamp_s:
             orders = self._orders(known[-1].stamp_s, time_s)
             return self._base.roll(known[-1].pose, known[-1].twist, orders)[0]
-        before = known[0]
-        for after in known:
-            if after.stamp_s >= time_s:
-                break
-            before = after
-        if before is after:  # older than all that is known
-            return before.pose
+        later = bisect.bisect_left([message.stamp_s for message in known], time_s)
+        if later == 0:  # older than all that is known
+            return known[0].pose
+        before, after = known[later - 1], known[later]
         share = (time_s - before.stamp_s) / (after.stamp_s - before.stamp_s)
         turn = math.remainder(after.pose[2] - before.pose[2], 2.0 * math.pi)
         x, y = (a + share * (b - a) for a, b in zip(before.pose[:2], after.pose[:2], strict=True))
@@ -239,9 +242,7 @@ class Supervisor:
             return np.zeros(len(points), dtype=bool)
         x, y = points[:, 0] - self.mount[0], points[:, 1] - self.mount[1]
         sign = math.copysign(1.0, scan.angle_increment_rad)
-        along = np.remainder(
-            sign * (np.arctan2(y, x) - self.mount[2] - scan.angle_min_rad), 2.0 * math.pi
-        )
+        along = np.remainder(sign * (np.arctan2(y, x) - self.mount[2] - scan.angle_min_rad), 2.0 * math.pi)
         hidden = along > (len(scan.ranges) - 1) * abs(scan.angle_increment_rad)
         return hidden & (np.hypot(points[:, 0], points[:, 1]) < self.robot.circumscribed_radius_m + NEAR_M)
 

@@ -64,14 +64,24 @@ class SensorWatch:
             faults += self._take_odometry(odometry)
         if scan is not None and scan.stamp_s <= now_s + early_s:
             faults += self._take_scan(scan)
-        for name, newest in (("scan", self.scan), ("odometry", self.odometry[-1] if self.odometry else None)):
-            if newest is None:
-                faults.append(f"no_{name}")
-            elif now_s - newest.stamp_s > self._max_age_s + 1e-6:
-                faults.append(f"{name}_stale")
+        faults += self._ages(now_s)
         if self.scan is not None:
             faults += self._doubts(self.scan)
         return tuple(dict.fromkeys(faults))
+
+    def _ages(self, now_s: float) -> list[Reason]:
+        last = self.odometry[-1] if self.odometry else None
+        oldest_s = now_s - self._max_age_s - 1e-6
+        faults: list[Reason] = []
+        if self.scan is None:
+            faults.append("no_scan")
+        elif self.scan.stamp_s < oldest_s:
+            faults.append("scan_stale")
+        if last is None:
+            faults.append("no_odometry")
+        elif last.stamp_s < oldest_s:
+            faults.append("odometry_stale")
+        return faults
 
     def _take_odometry(self, odometry: Odometry) -> list[Reason]:
         v, w = odometry.twist
