@@ -16,7 +16,7 @@ COMMANDS = {
     "compare": "train and evaluate many methods with many seeds, and compare them in one table",
     "collect": "record A*+DWA demonstrations as a Minari dataset",
     "export": "write a policy as an ONNX model, or for the C++ example",
-    "bench": "measure the simulator (sim), the planners (plan) or the learner (learn)",
+    "bench": "measure the simulator (sim), the planners (plan), a robot's step (act) or the learner (learn)",
     "list": "list robots, scenarios, methods and policies",
 }
 
