@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import onnxruntime
 import pytest
 
 from adrl.deploy.plain import to_safetensors
@@ -97,7 +98,6 @@ def test_onnx_by_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     out = tmp_path / "model.onnx"
     assert run_cli("export", "default", "--onnx", "--out", out) == 0
     assert capsys.readouterr().out.strip() == str(out)
-    onnxruntime = pytest.importorskip("onnxruntime")
     session = onnxruntime.InferenceSession(out, providers=["CPUExecutionProvider"])
     assert session.get_modelmeta().custom_metadata_map["guidance"] == "map"
 

@@ -46,7 +46,6 @@ class Loop:
         """Periods since each base was told anything."""
         self.speeds: list[np.ndarray] = []
         self.told: list[np.ndarray] = []
-        self.reasons: list[list[tuple[str, ...]]] = []
         self.commands: list[Command | None] = [None] * len(tasks)
         self.arrived = np.zeros(len(tasks), dtype=bool)
         self.hit = np.zeros(len(tasks), dtype=bool)
@@ -78,7 +77,6 @@ class Loop:
                 if self.age[i] >= PERIODS:  # the base's own watchdog
                     b["command"][i] = 0.0
             self.told.append(b["command"].copy())
-            self.reasons.append([command.reasons if command else () for command in self.commands])
             self.sim.native.step()
             self.speeds.append(b["twist"].copy())
             self.hit |= b["collided"] > 0
@@ -90,6 +88,11 @@ class Loop:
         self.sim.b["command"][i] = command.twist
         self.age[i] = 0
         self.arrived[i] |= command.status == "reached"
+
+    def drove_on(self, steps: range) -> bool:
+        """Each robot was told to move in most of the steps."""
+        moving = np.array(self.told)[list(steps)].any(axis=2)
+        return bool((moving.mean(axis=0) > 0.8).all())
 
     def told_to_stand(self, steps: range) -> bool:
         return not np.array(self.told)[list(steps)].any()
@@ -209,7 +212,7 @@ def test_delayed_scans(periods: int):
     if periods > 2:
         outlasts(run)
         return
-    assert not run.told_to_stand(range(FAULT.start + PERIODS, FAULT.stop))
+    assert run.drove_on(range(FAULT.start + PERIODS, FAULT.stop))
     run.run(400)
     assert not run.hit.any()
     assert run.arrived.all()
@@ -259,6 +262,7 @@ def test_the_clock_jumps_for_all(by_s: float):
     run = loop()
     at_s = FAULT.start * run.robot.control_period_s
     run.run(FAULT.stop, clock=lambda time_s: time_s + (by_s if time_s >= at_s - 1e-9 else 0.0))
+    assert run.drove_on(range(FAULT.start + 3, FAULT.stop))
     run.run(400, clock=lambda time_s: time_s + by_s)
     assert not run.hit.any()
     assert run.arrived.all()

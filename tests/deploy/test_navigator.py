@@ -3,18 +3,21 @@
 import dataclasses
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
 
-from adrl.deploy import Navigator
+from adrl.deploy import Navigator, Odometry, Pose, Scan
 from adrl.envs import NavSim
+from adrl.errors import AdrlError, ConfigError
 from adrl.motion import F32
 from adrl.observation import EncoderConfig, to_twist
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import RobotConfig, Task, World
 from adrl.worlds import ROBOTS, get_scenario, single_task, task_set
 from deploy.recorded import Moment, a_policy, record
+from env_tasks import room
 
 DRIFTING = dataclasses.replace(ROBOTS["diffbot"], odometry_drift=0.05)
 
@@ -87,6 +90,64 @@ def test_a_path_of_its_own_is_the_simulators():
     navigator.set_goal(task.goal)
     theirs = to_twist(np.array([m.action for m in moments]), robot)
     np.testing.assert_allclose(replay(navigator, moments), theirs, atol=1e-5)
+
+
+def still(at: Pose, now_s: float) -> tuple[Scan, Odometry]:
+    """What a robot that stands in the open receives."""
+    ranges = np.full(180, 4.0) + 1e-3 * np.sin(now_s + np.arange(180.0))
+    around = Scan(
+        ranges=ranges, angle_min_rad=-np.pi, angle_increment_rad=np.pi / 90, range_max_m=6.0, stamp_s=now_s
+    )
+    return around, Odometry(pose=at, twist=(0.0, 0.0), stamp_s=now_s)
+
+
+def test_a_jump_of_localisation_plans_anew():
+    """And driving does not."""
+    navigator = Navigator(a_policy(ROBOTS["diffbot"]), guidance="map", world=room())
+    navigator.set_goal((4.0, 0.0))
+    scan, odometry = still((0.0, 0.0, 0.0), 0.0)
+    first = navigator.step(scan, odometry, 0.0, map_pose=(-4.0, 0.0, 0.0)).plan
+    np.testing.assert_allclose(first[0], (-4.0, 0.0))
+    scan, odometry = still((0.0, 0.0, 0.0), 0.1)
+    command = navigator.step(scan, odometry, 0.1, map_pose=(-4.0, 4.0, 0.0))
+    np.testing.assert_allclose(command.plan[0], (-4.0, 4.0))
+    assert command.distance_m == pytest.approx(np.hypot(8.0, 4.0), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"guidance": "map"}, "needs a map"),
+        ({"guidance": "goal", "world": room()}, "uses no map"),
+        ({"guidance": "maps"}, "did you mean 'map'"),
+    ],
+)
+def test_guidance_and_map_belong_together(options: dict[str, Any], message: str):
+    with pytest.raises(AdrlError, match=message):
+        Navigator(a_policy(ROBOTS["diffbot"]), **options)
+
+
+def test_goals_are_checked_when_they_are_set():
+    navigator = Navigator(a_policy(ROBOTS["diffbot"]), guidance="goal")
+    with pytest.raises(ConfigError, match="not finite"):
+        navigator.set_goal((np.nan, 0.0))
+    with pytest.raises(ConfigError, match="follows no path"):
+        navigator.set_goal((1.0, 0.0), np.zeros((2, 2)))
+
+
+def test_what_it_says_of_itself():
+    """No goal, no sensors, at the goal."""
+    navigator = Navigator(a_policy(ROBOTS["diffbot"]), guidance="goal")
+    assert navigator.step(*still((0.0, 0.0, 0.0), 0.0), 0.0).status == "idle"
+    navigator.set_goal((2.0, 0.0))
+    command = navigator.step(*still((0.0, 0.0, 0.0), 0.1), 0.1)
+    assert (command.status, command.waypoint, command.distance_m) == ("driving", (2.0, 0.0), 2.0)
+    command = navigator.step(None, None, 0.5)
+    assert (command.status, command.twist) == ("stopped", (0.0, 0.0))
+    assert set(command.reasons) == {"scan_stale", "odometry_stale"}
+    navigator.set_goal((0.1, 0.0))
+    assert navigator.step(*still((0.05, 0.0, 0.0), 0.6), 0.6).status == "reached"
+    assert navigator.step(*still((0.0, 0.0, 0.0), 0.7), 0.7).status == "idle"
 
 
 def test_a_robot_needs_numpy_safetensors_and_the_core_only():

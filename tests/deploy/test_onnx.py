@@ -5,6 +5,7 @@ import json
 import sys
 
 import numpy as np
+import onnxruntime
 import pytest
 
 from adrl.deploy import MlpPolicy
@@ -18,7 +19,6 @@ from adrl.worlds import ROBOTS
 from deploy.recorded import a_policy
 from deploy.scan_rows import ScanRows, random_rows
 
-onnxruntime = pytest.importorskip("onnxruntime")
 ROBOTS_OF_ALL_KINDS = [
     ROBOTS["diffbot"],
     ROBOTS["jackal"],
