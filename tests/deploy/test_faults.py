@@ -23,7 +23,7 @@ PERIODS = 2
 """Allowed between a fault and the command to stand still; of the base's watchdog, too."""
 FAULT = range(20, 45)
 """Steps during which something is wrong: under way, at speed."""
-N = 5
+N = 4
 
 Channel = Callable[[int, int, Scan], Scan | None]
 """What arrives at robot i in step k: of the scan taken then, or of older ones."""
@@ -60,7 +60,7 @@ class Loop:
         steps: int,
         channel: Channel = lambda k, i, scan: scan,
         *,
-        odometry: Callable[[int, Odometry], Odometry | None] = lambda k, message: message,
+        odometry: Callable[[int, int, Odometry], Odometry | None] = lambda k, i, message: message,
         clock: Callable[[float], float] = lambda time_s: time_s,
         node: Callable[[int], bool] = lambda k: True,
     ) -> None:
@@ -71,7 +71,7 @@ class Loop:
             self.age += 1
             for i in np.flatnonzero(b["active"]).tolist():
                 scan = channel(k, i, as_scan(b["ranges"][i], self.robot.lidar, clock(stamp_s)))
-                message = odometry(k, as_odometry(self.sim, i, clock(stamp_s)))
+                message = odometry(k, i, as_odometry(self.sim, i, clock(stamp_s)))
                 if node(k):
                     self._command(i, self.navigators[i].step(scan, message, clock(stamp_s)))
                 if self.age[i] >= PERIODS:  # the base's own watchdog
@@ -240,15 +240,36 @@ def test_reordered_scans(most: int):
 @pytest.mark.integration
 def test_dropped_odometry():
     run = loop()
-    run.run(FAULT.stop, odometry=lambda k, message: None if k in FAULT else message)
+    run.run(FAULT.stop, odometry=lambda k, i, message: None if k in FAULT else message)
     outlasts(run)
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("periods", [1, 2, 5])
+def test_delayed_odometry(periods: int):
+    """Of late, speed and place are reckoned on from the commands; of old, it is a stop."""
+    run = loop()
+    waiting: dict[tuple[int, int], Odometry] = {}
+
+    def delay(k: int, i: int, message: Odometry) -> Odometry | None:
+        waiting[k, i] = message
+        return waiting.get((k - periods, i)) if k in FAULT else message
+
+    run.run(FAULT.stop, odometry=delay)
+    if periods > 2:
+        outlasts(run)
+        return
+    assert run.drove_on(range(FAULT.start + PERIODS, FAULT.stop))
+    run.run(400)
+    assert not run.hit.any()
+    assert run.arrived.all()
 
 
 @pytest.mark.integration
 def test_odometry_that_is_no_number():
     run = loop()
     lost = (math.nan, 0.0, 0.0)
-    run.run(FAULT.stop, odometry=lambda k, m: dataclasses.replace(m, pose=lost) if k in FAULT else m)
+    run.run(FAULT.stop, odometry=lambda k, i, m: dataclasses.replace(m, pose=lost) if k in FAULT else m)
     outlasts(run)
 
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.deploy import Odometry, Scan, Supervisor, SupervisorConfig, Twist
 from adrl.errors import ConfigError
-from adrl.types import Array, RobotConfig
+from adrl.types import Array, RobotConfig, World
 from adrl.worlds import ROBOTS
 from deploy.closed_loop import drive, obstacle_course, rid_of_noise
 
@@ -45,6 +46,7 @@ def commands(robot: RobotConfig, seed: int, lasting: int):
     return command
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(robots, seeds, st.sampled_from([1, 5, 25]))
 def test_no_command_leads_to_a_collision(robot: RobotConfig, seed: int, lasting: int):
@@ -70,6 +72,7 @@ def test_without_the_supervisor_they_collide():
     assert sim.b["collided"].sum() >= 4
 
 
+@pytest.mark.slow
 @settings(max_examples=12)
 @given(robots.filter(lambda robot: robot.latency_s == 0.0), seeds)
 def test_who_can_stop_never_collides(robot: RobotConfig, seed: int):
@@ -80,6 +83,26 @@ def test_who_can_stop_never_collides(robot: RobotConfig, seed: int):
     braked, _ = drive(robot, worlds, lambda *_: (0.0, 0.0), 40, speeds=speeds)
     driven, _ = drive(robot, worlds, commands(robot, seed, 5), 40, speeds=speeds)
     assert not (driven.b["collided"].astype(bool) & ~braked.b["collided"].astype(bool)).any()
+
+
+class Forgetful(Supervisor):
+    """Without the memory of what the LiDAR no longer sees."""
+
+    def _out_of_view(self, scan: Scan, points: Array) -> NDArray[np.bool_]:
+        return np.zeros(len(points), dtype=bool)
+
+
+@pytest.mark.parametrize(("kind", "hits"), [(Supervisor, False), (Forgetful, True)])
+def test_what_was_passed_is_not_swept_by_the_rear(kind: type[Supervisor], hits: bool):
+    """A Jackal drives past a post, which is then behind its LiDAR, and turns on the spot: its rear corner comes round."""
+    robot = rid_of_noise(ROBOTS["jackal"])
+    post = World(bounds=(-1.0, -2.0, 4.0, 2.0), circles=np.array([[1.0, 0.26, 0.015]]))
+
+    def past_then_round(step: int, number: int) -> Twist:
+        return (0.5, 0.0) if step < 18 + number else (0.0, -1.0)
+
+    sim, _ = drive(robot, [post] * 12, past_then_round, 60, kind)
+    assert sim.b["collided"].any() == hits
 
 
 # --- the kernel --------------------------------------------------------------------------------------------
@@ -329,6 +352,7 @@ def test_what_stops_it_is_logged_once(caplog: pytest.LogCaptureFixture):
         faults = supervisor.watch(None, None, 0.1 * k)
         supervisor.stop(0.1 * k, faults)
     assert [record.getMessage() for record in caplog.records] == ["held: no_scan, no_odometry"]
+    assert caplog.records[0].levelname == "WARNING"
 
 
 @pytest.mark.parametrize("name", ["max_age_periods", "hold_periods", "margin_m", "least_told"])

@@ -170,7 +170,12 @@ class Supervisor:
             self._commands.popleft()
         grave = tuple(reason for reason in reasons if reason != "limited")
         if grave != self._told:
-            LOG.warning("%s", f"held: {', '.join(grave)}" if grave else "released")
+            usual = not grave or set(grave) <= {"obstacle", "unseen"}
+            LOG.log(
+                logging.INFO if usual else logging.WARNING,
+                "%s",
+                f"held: {', '.join(grave)}" if grave else "released",
+            )
             self._told = grave
         return twist, reasons
 
