@@ -35,7 +35,7 @@ from adrl.worlds.place import Place
 if TYPE_CHECKING:
     from adrl.agents.train import Progress, TrainResult
 
-PROBE_STATES = 64
+PROBE_STATES = 32
 VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "gymnasium", "safetensors")
 
 
@@ -63,7 +63,7 @@ class RunConfig(Place):
     """Worlds to train in, the first ones of the training split."""
     task_priority: float = 1.0
     """Draw tasks that failed lately more often: chances are 0.1 + task_priority * failure rate; 0 for all alike."""
-    demonstration_steps: int = 20_000
+    demonstration_steps: int = 10_000
     """Environment steps of A*+DWA demonstrations to collect."""
     dataset: Path | None = None
     """Minari dataset of demonstrations to use instead of collecting them."""
