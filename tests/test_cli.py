@@ -18,9 +18,10 @@ from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
 from adrl.cli import COMMANDS, main
 from adrl.commands.barn import BarnOptions
-from adrl.commands.bench import LearnOptions, PlanOptions, SimOptions
+from adrl.commands.bench import ActOptions, LearnOptions, PlanOptions, SimOptions
 from adrl.commands.collect import CollectOptions
 from adrl.commands.evaluate import EvaluateOptions
+from adrl.commands.export import ExportOptions
 from adrl.commands.list import ListOptions
 from adrl.comparison.config import CompareConfig
 from adrl.evaluation.results import read_episodes
@@ -37,15 +38,17 @@ OPTIONS: dict[str, Any] = {
     "collect": CollectOptions,
     "barn": BarnOptions,
     "compare": CompareConfig,
+    "export": ExportOptions,
     "list": ListOptions,
     "bench sim": SimOptions,
     "bench plan": PlanOptions,
+    "bench act": ActOptions,
     "bench learn": LearnOptions,
 }
 UNITS = {"m": r"\bm\b", "seconds": r"\bs\b", "start": r"\(m\).*\(rad\)", "goal": r"\(m\)"}
 """What the help of an option whose name ends so must say."""
-SUPPRESSED = {"compare": {"method", "resume"}}
-"""Options that a command sets itself."""
+SUPPRESSED = {"compare": {"method", "resume"}, "export": {"policy"}}
+"""Options that a command sets itself, or that are given without their name."""
 METRICS = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")
 ABOUT = ("policy", "method", "robot", "scenario", "guidance", "split", "episodes")
 TRAINING = ("train_seconds", "env_steps", "gradient_updates")
@@ -111,7 +114,7 @@ class TestHelp:
         assert main(["bench"]) == 2
         shown = capsys.readouterr().out
         assert all(f"  {name}  " in shown for name in COMMANDS)
-        assert all(f"  {what} " in shown for what in ("sim", "plan", "learn"))
+        assert all(f"  {what} " in shown for what in ("sim", "plan", "act", "learn"))
 
     def test_help_imports_no_heavy_module(self) -> None:
         program = (

@@ -16,7 +16,8 @@ COMMANDS = {
     "compare": "train and evaluate many methods with many seeds, and compare them in one table",
     "barn": "drive a policy in worlds of the BARN benchmark and score it",
     "collect": "record A*+DWA demonstrations as a Minari dataset",
-    "bench": "measure the simulator (sim), the planners (plan) or the learner (learn)",
+    "export": "write a policy as an ONNX model, or for the C++ example",
+    "bench": "measure the simulator (sim), the planners (plan), a robot's step (act) or the learner (learn)",
     "list": "list robots, scenarios, methods and policies",
 }
 
