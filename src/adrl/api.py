@@ -147,9 +147,7 @@ def _recorder(driver: Policy | PrivilegedPolicy) -> Recorder:
         maturity = driver.config.maturity if maturity is None else float(maturity)
         return Recorder(RewardConfig(**saved.get("constants", {})), maturity)
     except (AttributeError, TypeError, ValueError) as error:
-        raise CheckpointError(
-            f"bad reward in the policy's config.json ({error}); restore the file"
-        ) from None
+        raise CheckpointError(f"bad reward in the policy's config.json ({error}); restore the file") from None
 
 
 def _driver(

@@ -1,4 +1,4 @@
-"""The course of chosen episodes, step by step: what a replay shows. Recorded while they are driven, kept in one file."""
+"""The course of chosen episodes, step by step: what a replay shows. Recorded as they are driven, kept in one file."""
 
 import json
 import os
@@ -263,11 +263,15 @@ def _unpack(about: dict[str, Any], tensors: dict[str, NDArray[Any]]) -> Traces:
     ]
     episodes = []
     for number, entry in enumerate(about["episodes"]):
-        arrays = {name: tensors[f"episode.{number}.{name}"] for name in ("path", *_STATES, *_STEPS)}
+        arrays: dict[str, Any] = {
+            name: tensors[f"episode.{number}.{name}"] for name in ("path", *_STATES, *_STEPS)
+        }
         if entry["ending"] not in RATES or len({len(arrays[name]) for name in _STATES}) != 1:
             raise ValueError(f"episode {number} is malformed")
-        own = {key: entry[key] for key in ("task", "ending", "goal_tolerance_m")}
-        episodes.append(Trace(**own, goal=tuple(entry["goal"]), world=worlds[entry["world"]], **arrays))
+        goal_x, goal_y = entry["goal"]
+        values = arrays | {"goal": (goal_x, goal_y), "world": worlds[entry["world"]]}
+        values |= {key: entry[key] for key in ("task", "ending", "goal_tolerance_m")}
+        episodes.append(Trace(**values))
     ends = np.cumsum(tensors["routes.size"])
     return Traces(
         robot=robot_from_fields(about["robot"]),
@@ -305,9 +309,7 @@ def _world(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> World:
     grid = None
     if arrays["solid"].size:
         x, y, yaw = about["origin"]
-        grid = OccupancyGrid(
-            solid=arrays["solid"], resolution_m=about["resolution_m"], origin=(x, y, yaw)
-        )
+        grid = OccupancyGrid(solid=arrays["solid"], resolution_m=about["resolution_m"], origin=(x, y, yaw))
     x_min, y_min, x_max, y_max = about["bounds"]
     ends = np.cumsum(arrays["sizes"])
     return World(
