@@ -41,6 +41,8 @@ class Trace:
     goal_tolerance_m: float
     path: Array
     """(P, 2) the task's A* path."""
+    time_s: Array
+    """(T + 1,) control periods; a collision ends the last one early."""
     pose: Array
     """(T + 1, 3) x, y, yaw: where the robot is."""
     twist: Array
@@ -74,7 +76,7 @@ class Traces:
     """E routes (P, 2), positions ROUTE_SPACING_S apart, the last one included."""
 
 
-_STATES = ("pose", "twist", "waypoint", "clearance", "ranges")
+_STATES = ("time_s", "pose", "twist", "waypoint", "clearance", "ranges")
 _STEPS = ("weights", "paid")
 
 
@@ -187,6 +189,7 @@ class Recorder:
             waypoint = _in_world(b["pose"], in_robot_frame(b["odometry"], waypoint))
         self._states.add(
             rows,
+            time_s=b["time"],
             pose=b["pose"],
             twist=b["twist"],
             waypoint=waypoint,

@@ -193,7 +193,7 @@ def _replay(trace: Trace, robot: RobotConfig, worlds: _Worlds) -> dict[str, Any]
         "goal": numbers(trace.goal),
         "goal_tolerance_m": trace.goal_tolerance_m,
         "path": numbers(trace.path, 4),
-        "time_s": numbers(frames * robot.control_period_s),
+        "time_s": numbers(trace.time_s[frames]),
         "pose": packed(np.column_stack([trace.pose[frames, :2], np.unwrap(trace.pose[frames, 2])])),
         "waypoint": packed(trace.waypoint[frames]),
         "twist": packed(trace.twist[frames]),

@@ -32,7 +32,7 @@ def packed(array: NDArray[Any], largest: float | None = None) -> dict[str, Any]:
     values = np.asarray(array, np.float64)
     if largest is None:
         dtype, top = np.dtype("<i2"), 32767
-        largest = float(np.abs(values).max(initial=0.0)) or 1.0
+        largest = float(np.abs(values).max(initial=1e-30))
     else:
         dtype, top = np.dtype("u1"), 255
     scale = largest / top

@@ -47,7 +47,7 @@ def failure_map(traces: Traces, episodes: Episodes) -> FailureMap | None:
         return np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)
 
     for route, arrived in zip(traces.routes, episodes.success, strict=True):
-        row, column = np.unique(np.stack(cells(_dense(route, 0.3 * cell_m))), axis=1)
+        row, column = np.unique(np.stack(cells(_dense(route, 0.1 * cell_m))), axis=1)
         passed[row, column] += 1
         failed[row, column] += not arrived
     row, column = cells(episodes.final_pose[episodes.collision, :2])

@@ -27,12 +27,11 @@ function buildCharts() {
     grid.append(el('div', { class: 'card' }, el('h3', {}, chart.unit ? `${chart.title}, ${chart.unit}` : chart.title), holder));
     return [chart, holder];
   });
-  const draw = () => cards.forEach(([chart, holder]) => drawChart(holder, chart, axis));
-  section.querySelector('.controls').append(segmented('Axis', Object.entries(AXES), (value) => { axis = value; draw(); }));
+  const redraws = cards.map(([chart, holder]) => whenSeen(holder, () => drawChart(holder, chart, axis)));
+  section.querySelector('.controls').append(segmented('Axis', Object.entries(AXES), (value) => { axis = value; redraws.forEach((redraw) => redraw()); }));
   if (DATA.kind === 'comparison') {
     section.insertBefore(el('p', { class: 'note small' }, 'Lines are means over training seeds, bands reach from the worst to the best seed. A name in the legend hides or shows its line.'), grid);
   }
-  onTheme(draw);
 }
 
 function drawChart(holder, chart, axis) {
@@ -65,7 +64,7 @@ function buildIntervals(parent) {
   const holder = el('div', { class: 'chart big', id: 'intervals' });
   parent.append(el('div', { class: 'card', style: 'margin-top: .9rem' }, el('h3', {}, 'Success with 95 % intervals, %'), holder));
   const several = new Set(rows.map((row) => row.note.split(',')[0])).size > 1;
-  onTheme(() => Plotly.react(holder, [{
+  whenSeen(holder, () => Plotly.react(holder, [{
     type: 'scatter', mode: 'markers', hovertemplate: '%{y}: %{x:.1f} %<extra></extra>',
     x: sorted.map((row) => 100 * row.success),
     y: sorted.map((row) => (several ? `${row.label}, ${row.note.split(',')[0]}` : row.label)),
@@ -102,11 +101,15 @@ function buildMap() {
     draw();
   } }, 'Start → goal of failed tasks');
   controls.append(lines);
-  const draw = () => drawMap(holder, note, state);
-  onTheme(draw);
-  holder.on('plotly_click', ({ points: [point] }) => {
-    const found = findReplay(state.evaluation, point.customdata);
-    if (point.data.type === 'scatter' && found >= 0) player.select(DATA.evaluations.indexOf(state.evaluation), found, { scroll: true });
+  let listens = false;
+  const draw = whenSeen(holder, () => {
+    drawMap(holder, note, state);
+    if (listens) return;
+    listens = true;
+    holder.on('plotly_click', ({ points: [point] }) => {
+      const found = findReplay(state.evaluation, point.customdata);
+      if (point.data.type === 'scatter' && found >= 0) player.select(DATA.evaluations.indexOf(state.evaluation), found, { scroll: true });
+    });
   });
 }
 

@@ -34,25 +34,42 @@ function fixed(value, decimals = 1, scale = 1) {
   return (value * scale).toFixed(decimals).replace(/^-(0(\.0*)?)$/, '$1'); // no -0.00
 }
 
-const styles = () => getComputedStyle(document.documentElement);
-const colour = (name) => styles().getPropertyValue(`--${name}`).trim();
+const palette = new Map();
+/** A colour of the style sheet, light or dark. */
+function colour(name) {
+  if (!palette.has(name)) palette.set(name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim());
+  return palette.get(name);
+}
 const SERIES = 7;
 const DASHES = ['solid', 'dash', 'dot', 'dashdot', 'longdash'];
 const seriesColour = (index) => colour(`s${index % SERIES}`);
 
 const themeListeners = [];
-/** Call now and whenever light turns dark or back. */
-function onTheme(draw) {
-  themeListeners.push(draw);
-  draw();
+
+/**
+ * Draws an element once it is near the window, and whenever light turns dark; nothing is drawn for nobody.
+ * Returns a function that draws it again, if it is seen, or when it comes to be.
+ */
+function whenSeen(element, draw) {
+  let near = false;
+  const redraw = () => { if (near) draw(); };
+  new IntersectionObserver((entries) => {
+    const was = near;
+    near = entries.at(-1).isIntersecting;
+    if (near && !was) draw();
+  }, { rootMargin: '400px' }).observe(element);
+  window.addEventListener('beforeprint', () => { near = true; draw(); });
+  themeListeners.push(redraw);
+  return redraw;
 }
 function themeChanged() {
+  palette.clear();
   themeListeners.forEach((draw) => draw());
 }
 
 /** A canvas made sharp for the screen: calls draw(context, width, height) in CSS pixels, and again when it is resized. */
 function sharp(canvas, draw) {
-  const redraw = () => {
+  const redraw = whenSeen(canvas, () => {
     const { width, height } = canvas.getBoundingClientRect();
     if (!width || !height) return;
     const ratio = window.devicePixelRatio || 1;
@@ -64,7 +81,7 @@ function sharp(canvas, draw) {
     context.setTransform(ratio, 0, 0, ratio, 0, 0);
     context.clearRect(0, 0, width, height);
     draw(context, width, height);
-  };
+  });
   new ResizeObserver(redraw).observe(canvas);
   return redraw;
 }

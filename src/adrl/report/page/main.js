@@ -82,7 +82,6 @@ function buildGallery() {
     const redraw = sharp(canvas, (context, width, height) => drawScene(context, width, height, evaluation, replay, {
       time: end, from: Math.max(0, end - GALLERY_S), view: { x, y, side: GALLERY_M }, redraw: () => redraw(),
     }));
-    themeListeners.push(redraw);
   });
 }
 

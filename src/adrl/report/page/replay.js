@@ -58,7 +58,6 @@ function buildReplay() {
     const view = state.follow ? { x, y, side: Math.min(FOLLOW_M, whole.side) } : whole;
     drawScene(context, width, height, state.evaluation, state.replay, { time: state.time, view, redraw: () => redraw() });
   });
-  themeListeners.push(redraw);
 
   function show() {
     const end = state.replay.time_s.at(-1);

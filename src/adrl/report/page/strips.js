@@ -108,6 +108,5 @@ function strip(title, unit, { stacked = false, onSeek }) {
     series.forEach(({ value, decimals }, i) => { outputs[i].textContent = fixed(value(frame), decimals ?? 2); });
     redraw();
   }
-  themeListeners.push(redraw);
   return { element, open, at };
 }
