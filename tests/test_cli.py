@@ -21,6 +21,7 @@ from adrl.commands.bench import LearnOptions, PlanOptions, SimOptions
 from adrl.commands.collect import CollectOptions
 from adrl.commands.evaluate import EvaluateOptions
 from adrl.commands.list import ListOptions
+from adrl.commands.report import ReportOptions
 from adrl.comparison.config import CompareConfig
 from adrl.evaluation.results import read_episodes
 from adrl.evaluation.rollout import Rollout, rollout
@@ -35,6 +36,7 @@ OPTIONS: dict[str, Any] = {
     "evaluate": EvaluateOptions,
     "collect": CollectOptions,
     "compare": CompareConfig,
+    "report": ReportOptions,
     "list": ListOptions,
     "bench sim": SimOptions,
     "bench plan": PlanOptions,
@@ -42,8 +44,8 @@ OPTIONS: dict[str, Any] = {
 }
 UNITS = {"m": r"\bm\b", "seconds": r"\bs\b", "start": r"\(m\).*\(rad\)", "goal": r"\(m\)"}
 """What the help of an option whose name ends so must say."""
-SUPPRESSED = {"compare": {"method", "resume"}}
-"""Options that a command sets itself."""
+SUPPRESSED = {"compare": {"method", "resume"}, "report": {"folder"}}
+"""Options that a command sets itself, or takes without a name."""
 METRICS = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")
 ABOUT = ("policy", "method", "robot", "scenario", "guidance", "split", "episodes")
 TRAINING = ("train_seconds", "env_steps", "gradient_updates")

@@ -121,6 +121,10 @@ class Recorder:
         self._numbers: list[int] = []
         self._routes: list[Array] = []
         self._robot, self._guidance = RobotConfig(), "goal"
+        self._chunk: list[Task] = []
+        self._chunk_numbers: NDArray[np.int64] = np.empty(0, np.int64)
+        self._last: Array = np.empty((0, 3))
+        self._step, self._every = 0, 1
 
     def begin(self, sim: NavSim, numbers: NDArray[np.int64]) -> None:
         """Robots of the simulator stand at the starts of the tasks with these numbers in their split."""

@@ -138,8 +138,9 @@ def _comparison(folder: Path) -> Source:
     logs: dict[str, list[Path]] = {}
     evaluations = []
     try:
-        for job in sorted(p.parent for p in folder.glob(f"*/{SUMMARY_FILE}")):
-            about = read_json(job / SUMMARY_FILE)
+        jobs = {path.parent: read_json(path) for path in folder.glob(f"*/{SUMMARY_FILE}")}
+        # By the seed's number: s10 comes after s9.
+        for job, about in sorted(jobs.items(), key=lambda item: (item[1]["method"], item[1]["seed"] or 0)):
             if about["seed"] is not None:
                 logs.setdefault(about["method"], []).append(job / METRICS_FILE)
             for kept in evaluation_folders(job):

@@ -50,7 +50,7 @@ function drawChart(holder, chart, axis) {
   });
   const layout = baseLayout({
     xaxis: { title: { text: AXES[axis], font: { size: 11 }, standoff: 8 }, rangemode: 'tozero' },
-    yaxis: chart.unit === '%' ? { range: [0, 103] } : {},
+    yaxis: chart.unit === '%' ? { range: [-3, 103] } : {},
     showlegend: chart.series.length > 1,
   });
   Plotly.react(holder, traces, layout, CONFIG);

@@ -105,7 +105,7 @@ function buildReplay() {
     strips.weights.open(replay, shaping.map(([name, k], index) => curve(read.weights, k, name, index)));
     strips.paid.open(replay, shaping.map(([name, k], index) => curve(read.paid, k, name, index)));
     strips.motion.open(replay, [
-      curve(read.twist, 0, 'speed', 0), curve(read.twist, 1, 'yaw rate', 1), curve(read.clearance, 0, 'clearance', 2),
+      curve(read.twist, 0, 'speed', 0), curve(read.twist, 1, 'yaw rate', 1), curve(read.clearance, 0, 'clearance up to 1', 2),
     ]);
     showFacts(evaluation, replay, read);
     setPlaying(false);
@@ -116,6 +116,7 @@ function buildReplay() {
   function showFacts(evaluation, replay, read) {
     const final = DATA.final?.[evaluation.method] ?? {};
     const facts = [[el('span', { class: `ending ${replay.ending}` }, replay.ending)], [`guidance ${evaluation.guidance}`]];
+    if (known.length > 1) facts.unshift([evaluation.label]);
     if (evaluation.maturity !== null && evaluation.method !== 'astar-dwa') facts.push([`S ${fixed(evaluation.maturity, 2)} in the weights`]);
     DATA.terms.forEach((name, k) => {
       const paid = read.paid(read.paid.rows - 1, k);
