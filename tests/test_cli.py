@@ -23,6 +23,7 @@ from adrl.commands.collect import CollectOptions
 from adrl.commands.evaluate import EvaluateOptions
 from adrl.commands.export import ExportOptions
 from adrl.commands.list import ListOptions
+from adrl.commands.report import ReportOptions
 from adrl.comparison.config import CompareConfig
 from adrl.evaluation.results import read_episodes
 from adrl.evaluation.rollout import Rollout, rollout
@@ -39,6 +40,7 @@ OPTIONS: dict[str, Any] = {
     "barn": BarnOptions,
     "compare": CompareConfig,
     "export": ExportOptions,
+    "report": ReportOptions,
     "list": ListOptions,
     "bench sim": SimOptions,
     "bench plan": PlanOptions,
@@ -47,7 +49,7 @@ OPTIONS: dict[str, Any] = {
 }
 UNITS = {"m": r"\bm\b", "seconds": r"\bs\b", "start": r"\(m\).*\(rad\)", "goal": r"\(m\)"}
 """What the help of an option whose name ends so must say."""
-SUPPRESSED = {"compare": {"method", "resume"}, "export": {"policy"}}
+SUPPRESSED = {"compare": {"method", "resume"}, "export": {"policy"}, "report": {"folder"}}
 """Options that a command sets itself, or that are given without their name."""
 METRICS = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")
 ABOUT = ("policy", "method", "robot", "scenario", "guidance", "split", "episodes")

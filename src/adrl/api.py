@@ -14,7 +14,9 @@ from adrl.deploy.setup import Setup, setup_of
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.results import RunMeta, Summary, summarise, write_episodes
 from adrl.evaluation.rollout import PrivilegedPolicy, Rollout, rollout
+from adrl.evaluation.traces import TRACES_FILE, Recorder, write_traces
 from adrl.planning.replanner_config import ReplannerConfig
+from adrl.rewards import RewardConfig
 from adrl.runs import RunConfig, train
 from adrl.types import Policy, RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, task_set
@@ -76,7 +78,8 @@ def evaluate(
     policy: "astar-dwa", "default", a run folder, or an object with act(observation). robot, guidance: of the policy's
     training when None. seed: changes the noise only. record: tasks whose routes are kept. replanner: constants of
     guidance `replan`, those of the training when None. paper_literal: with these, its equations as printed. tasks:
-    instead of those of the split. out: folder for episodes.parquet and summary.json. Raises AdrlError.
+    instead of those of the split. out: folder for episodes.parquet, summary.json and
+    traces.safetensors, the course of some episodes and of the first failures, for adrl report. Raises AdrlError.
     """
     if episodes < 1:
         raise ConfigError(f"episodes is {episodes}; give 1 or more")
@@ -96,6 +99,7 @@ def evaluate(
         tasks = task_set(place, config, split, episodes)
     else:
         split = OWN_TASKS
+    recorder = None if out is None else _recorder(driver)
     result = rollout(
         driver,
         tasks,
@@ -107,16 +111,31 @@ def evaluate(
         seed=seed,
         num_threads=num_threads,
         record=record,
+        recorder=recorder,
         on_step=on_step,
     )
     summary = summarise(
         result.episodes, RunMeta(**about, robot=config.name, scenario=place.name, split=split)
     )
-    if out is not None:
+    if out is not None and recorder is not None:
         out.mkdir(parents=True, exist_ok=True)
         write_episodes(out / "episodes.parquet", result.episodes)
+        write_traces(out / TRACES_FILE, recorder.traces())
         files.write_json(out / "summary.json", summary)
     return Evaluation(summary=summary, rollout=result, tasks=tasks)
+
+
+def _recorder(driver: Policy | PrivilegedPolicy) -> Recorder:
+    """A recorder with the reward that the policy was trained with, if it says so. Raises CheckpointError."""
+    if not isinstance(driver, MlpPolicy):
+        return Recorder()
+    saved = driver.config.extra.get("reward", {})
+    try:
+        maturity = saved.get("maturity")
+        maturity = driver.config.maturity if maturity is None else float(maturity)
+        return Recorder(RewardConfig(**saved.get("constants", {})), maturity)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise CheckpointError(f"bad reward in the policy's config.json ({error}); restore the file") from None
 
 
 def _driver(

@@ -15,6 +15,7 @@ COMMANDS = {
     "evaluate": "drive a policy on fixed tasks and report success, time and distance with intervals",
     "compare": "train and evaluate many methods with many seeds, and compare them in one table",
     "barn": "drive a policy in worlds of the BARN benchmark and score it",
+    "report": "write one HTML file of a run or a comparison: curves, tables, replays, failures",
     "collect": "record A*+DWA demonstrations as a Minari dataset",
     "export": "write a policy as an ONNX model, or for the C++ example",
     "bench": "measure the simulator (sim), the planners (plan), a robot's step (act) or the learner (learn)",

@@ -228,6 +228,7 @@ def about_policy(
     setup_seconds: wall clock of what came before the first update, told apart.
     """
     run = asdict(replace(config, robot=robot.name))
+    learner = config.resolved()
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next
         widths=config.learner.td3.widths,
@@ -245,6 +246,11 @@ def about_policy(
                 "replanner": asdict(config.resolved_replanner()),
             },
             "run": out.name,
+            # Of the weights that a replay shows; maturity None: the policy's own.
+            "reward": {
+                "constants": asdict(learner.reward),
+                "maturity": None if learner.dynamic_reward else learner.static_maturity,
+            },
             **(setup_seconds or {}),
             "scenario": scenario.name,
             "settings": json.loads(json.dumps(run, default=str)),

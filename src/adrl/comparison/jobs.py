@@ -55,11 +55,16 @@ def is_finished(config: CompareConfig, job: Job) -> bool:
 def run_job(config: CompareConfig, job: Job, started_s: float) -> None:
     """Train, or go on with what a killed process left, evaluate, and write the result, the summary last.
 
+    The first seed of each method also leaves a folder GUIDANCE as adrl evaluate --out does.
+
     started_s: of time.monotonic(); the budget counts from there. Raises AdrlError.
     """
     run = None if job.seed is None else config.out / RUNS_FOLDER / job.name
     if run is not None and job.seed is not None:
         _train(config.run(job.method, job.seed, run), job.method, run, started_s)
+    folder = config.out / job.name
+    # Traces take megabytes: kept of the planner and of one seed a method, for adrl report.
+    traced = job.seed in (None, config.learner.seed)
     evaluations = [
         api.evaluate(
             api.PLANNER if run is None else run,
@@ -69,10 +74,10 @@ def run_job(config: CompareConfig, job: Job, started_s: float) -> None:
             split=config.split,
             episodes=config.episodes,
             num_threads=1,
+            out=folder / guidance if traced else None,
         )
         for guidance in (("map",) if run is None else config.guidance_names)
     ]
-    folder = config.out / job.name
     tables = [_table(result.rollout.episodes, job, result.summary["guidance"]) for result in evaluations]
     write_table(folder / EPISODES_FILE, concatenated(tables))
     if run is not None:
