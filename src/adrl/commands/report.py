@@ -63,11 +63,7 @@ def main(arguments: Sequence[str]) -> int:
 def _evaluate(run: Path, episodes: int) -> None:
     """On test tasks of the place where the policy was trained."""
     config: dict[str, Any] = read_json(run / CONFIG_FILE)
-    settings = config.get("settings", {})
-    place = Place(
-        scenario=settings.get("scenario"),
-        **{name: None if settings.get(name) is None else Path(settings[name]) for name in ("map", "world")},
-    )
+    place = Place.of(config.get("settings", {}))
     with progress_bar(f"evaluating {run}") as (bar, task):
 
         def show(ended: int, total: int) -> None:

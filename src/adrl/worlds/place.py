@@ -1,8 +1,10 @@
 """Where to drive, as the commands take it."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from adrl.errors import ConfigError
 from adrl.types import Scenario
@@ -19,7 +21,6 @@ class Place:
     """YAML file of a ROS map_server map, instead of a scenario."""
     world: Path | None = None
     """Gazebo SDF world of boxes, cylinders and planes, instead of a scenario."""
-
     barn: Path | None = None
     """Folder of worlds of the BARN benchmark with their paths, instead of a scenario."""
     barn_held_out: int = 0
@@ -31,6 +32,13 @@ class Place:
             raise ConfigError("give one of scenario, map, world and barn")
         if self.barn_held_out and self.barn is None:
             raise ConfigError(f"barn_held_out is {self.barn_held_out} without barn; give --barn too")
+
+    @classmethod
+    def of(cls, settings: Mapping[str, Any]) -> "Place":
+        """The place of a run, from the settings in its config.json."""
+        saved = {f.name: settings[f.name] for f in fields(Place) if settings.get(f.name) is not None}
+        folders = {name: Path(saved[name]) for name in ("map", "world", "barn") if name in saved}
+        return Place(**saved | folders)
 
     def load(self) -> Scenario:
         """The scenario, map or worlds, read once. Raises UnknownName, MapError, WorldError, ConfigError."""
