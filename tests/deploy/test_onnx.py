@@ -51,7 +51,7 @@ def test_onnxruntime_agrees(robot: RobotConfig, history_steps: int):
     given = {
         name: getattr(rows, name).astype(np.float64 if "pose" in name else np.float32) for name in wanted
     }
-    action, velocity = session.run(["action", "velocity"], given)
+    action, velocity = map(np.asarray, session.run(["action", "velocity"], given))
     expected = ours(policy, robot, rows)
     assert np.abs(expected[0]).max() > 0.1
     np.testing.assert_allclose(action, expected[0], atol=1e-5)

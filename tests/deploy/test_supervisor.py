@@ -94,7 +94,7 @@ class Forgetful(Supervisor):
 
 @pytest.mark.parametrize(("kind", "hits"), [(Supervisor, False), (Forgetful, True)])
 def test_what_was_passed_is_not_swept_by_the_rear(kind: type[Supervisor], hits: bool):
-    """A Jackal drives past a post, which is then behind its LiDAR, and turns: its rear corner comes round."""
+    """A Jackal passes a post, which is then behind its LiDAR, and turns on the spot: its rear corner comes round."""
     robot = rid_of_noise(ROBOTS["jackal"])
     post = World(bounds=(-1.0, -2.0, 4.0, 2.0), circles=np.array([[1.0, 0.26, 0.015]]))
 
