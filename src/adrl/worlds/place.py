@@ -36,9 +36,11 @@ class Place:
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> "Place":
         """The place of a run, from the settings in its config.json."""
-        saved = {f.name: settings[f.name] for f in fields(Place) if settings.get(f.name) is not None}
-        folders = {name: Path(saved[name]) for name in ("map", "world", "barn") if name in saved}
-        return Place(**saved | folders)
+        saved: dict[str, Any] = {f.name: settings[f.name] for f in fields(Place) if f.name in settings}
+        for name in ("map", "world", "barn"):
+            if saved.get(name) is not None:
+                saved[name] = Path(saved[name])
+        return Place(**saved)
 
     def load(self) -> Scenario:
         """The scenario, map or worlds, read once. Raises UnknownName, MapError, WorldError, ConfigError."""
