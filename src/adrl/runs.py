@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from adrl.agents.train import Progress, TrainResult
 
 PROBE_STATES = 32
+"""Each is driven from twice: at random, and by the expert."""
 VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "gymnasium", "safetensors")
 
 
@@ -143,7 +144,11 @@ def train(
     demonstrations = _demonstrations(config, env) if learner.schedule.imitates else None
     demonstrated_s = time.monotonic()
     probed = learner.measures_maturity and learner.schedule.needs_probe
-    probe = _probe(make_env(PROBE_STATES, randomize=False), learner) if probed else None
+    probe = None
+    if probed:
+        # Few tasks: a random policy's crashes would call for ever new ones, each to be made.
+        probe_env = make_env(2 * PROBE_STATES, randomize=False, task_pool=min(config.task_pool, PROBE_STATES))
+        probe = record_probe(probe_env, learner.seed, probe_steps(learner.td3.gamma))
     setup = {
         "demonstration_seconds": demonstrated_s - began_s,
         "probe_seconds": time.monotonic() - demonstrated_s,
@@ -189,10 +194,6 @@ def with_horizon_of(learner: TrainConfig, robot: RobotConfig) -> TrainConfig:
     """The learner with gamma for the robot: control periods differ, and slow robots look ahead for longer."""
     gamma = learner.td3.gamma ** (robot.control_period_s / reference_period_s(robot.max_speed_mps))
     return replace(learner, td3=replace(learner.td3, gamma=gamma))
-
-
-def _probe(env: NavVectorEnv, learner: TrainConfig) -> Probe:
-    return record_probe(env, learner.seed, probe_steps(learner.td3.gamma))
 
 
 def run_folder(config: RunConfig, scenario: Scenario) -> Path:
