@@ -173,6 +173,10 @@ def test_a_failure_map_counts_each_episode_once_a_cell(evaluation: Path) -> None
     assert np.abs(failed - found.failed).sum() <= 0.02 * failed.sum() + 1
     assert found.collided.sum() == entry.episodes.collision.sum()
     assert (found.failed <= found.passed).all()
+    places = np.concatenate(entry.traces.routes)
+    x_min, y_min, x_max, y_max = found.window_m
+    margins = [*(places.min(axis=0) - (x_min, y_min)), *((x_max, y_max) - places.max(axis=0))]
+    assert all(2.0 * found.cell_m <= margin <= 3.0 * found.cell_m + 1e-6 for margin in margins)
 
 
 def test_routes_of_other_tasks_are_no_failure_map(evaluation: Path) -> None:

@@ -211,6 +211,7 @@ def _map(entry: Evaluated, traces: Traces) -> dict[str, Any] | None:
     failed = np.flatnonzero(~entry.episodes.success)
     return {
         "bounds": numbers(traces.world.bounds),
+        "window": numbers(found.window_m),
         "picture": world_picture(traces.world),
         "origin": [found.x0_m, found.y0_m],
         "cell_m": found.cell_m,

@@ -30,6 +30,17 @@ class FailureMap:
     collided: Counts
     """(H, W) episodes that collided in the cell."""
 
+    @property
+    def window_m(self) -> tuple[float, float, float, float]:
+        """(x_min, y_min, x_max, y_max) of the cells that were passed, with two more around them."""
+        rows, columns = np.nonzero(self.passed)
+        low, high = (columns.min() - 2, rows.min() - 2), (columns.max() + 3, rows.max() + 3)
+        origin = np.array([self.x0_m, self.y0_m])
+        x_min, y_min, x_max, y_max = np.concatenate(
+            [origin + self.cell_m * np.array(at) for at in (low, high)]
+        )
+        return float(x_min), float(y_min), float(x_max), float(y_max)
+
 
 def failure_map(traces: Traces, episodes: Episodes) -> FailureMap | None:
     """None where the tasks have worlds of their own. Raises ValueError when the two are not of the same tasks."""

@@ -109,7 +109,7 @@ def success_figure(rows: Sequence[Mapping[str, Any]]) -> Figure:
 
 def failure_figure(found: FailureMap, world: World, entry: Evaluated) -> Figure:
     """Of the episodes that came through a cell, the share that failed; where they ended."""
-    x_min, y_min, x_max, y_max = world.bounds
+    x_min, y_min, x_max, y_max = found.window_m
     height = 6.0 * min(1.6, max(0.4, (y_max - y_min) / (x_max - x_min)))
     figure = blank_figure(6.8, height)
     axes = figure.subplots()

@@ -114,17 +114,17 @@ function buildMap() {
 }
 
 function drawMap(holder, note, { evaluation, measure, tasks }) {
-  const { bounds: [x0, y0, x1, y1], cell_m: cell, origin, passed, failed, collided, ends, picture } = evaluation.map;
+  const { bounds: [x0, y0, x1, y1], window: [left, bottom, right, top], cell_m: cell, origin, passed, failed, collided, ends, picture } = evaluation.map;
   const value = { share: (r, c) => 100 * failed[r][c] / passed[r][c], collided: (r, c) => collided[r][c] || null, passed: (r, c) => passed[r][c] }[measure];
   const z = passed.map((row, r) => row.map((count, c) => (count ? value(r, c) : null)));
   const text = passed.map((row, r) => row.map((count, c) => (count ? `${failed[r][c]} of ${count} episodes through here failed, ${collided[r][c]} collided here` : '')));
   const centres = (from, count) => Array.from({ length: count }, (_, i) => from + (i + 0.5) * cell);
-  const high = measure === 'share' ? 100 : undefined;
-  const [low, top] = [translucent(colour('bad')), colour(measure === 'passed' ? 's0' : 'bad')];
+  const most = measure === 'share' ? 100 : undefined;
+  const [low, high] = [translucent(colour('bad')), colour(measure === 'passed' ? 's0' : 'bad')];
   const traces = [{
-    type: 'heatmap', z, text, hovertemplate: '%{text}<extra></extra>', zmin: 0, zmax: high, opacity: 0.85,
+    type: 'heatmap', z, text, hovertemplate: '%{text}<extra></extra>', zmin: 0, zmax: most, opacity: 0.85,
     x: centres(origin[0], passed[0].length), y: centres(origin[1], passed.length),
-    colorscale: [[0, measure === 'passed' ? translucent(colour('s0')) : low], [1, top]],
+    colorscale: [[0, measure === 'passed' ? translucent(colour('s0')) : low], [1, high]],
     colorbar: { thickness: 10, outlinewidth: 0, ticksuffix: measure === 'share' ? ' %' : '', orientation: 'h', y: -0.04, yanchor: 'top', len: 0.6, x: 0, xanchor: 'left' },
   }];
   if (tasks) {
@@ -150,9 +150,9 @@ function drawMap(holder, note, { evaluation, measure, tasks }) {
   note.textContent = `${evaluation.label}: ${evaluation.policy} on ${evaluation.scenario}, ${evaluation.tasks.task.length} tasks, cells of ${cell.toFixed(2)} m. `
     + 'A cell that few episodes crossed says little: hover for the counts. A marked failure that has a replay opens it when clicked.';
   Plotly.react(holder, traces, baseLayout({
-    height: Math.min(760, Math.max(300, width * Math.min(1.3, (y1 - y0) / (x1 - x0)))) + 90, hovermode: 'closest', margin: { l: 34, r: 8, t: 26, b: 30 }, showlegend: true,
-    images: [{ source: picture, xref: 'x', yref: 'y', x: x0, y: y1, sizex: x1 - x0, sizey: y1 - y0, sizing: 'stretch', layer: 'below' }],
-    xaxis: { range: [x0, x1], showgrid: false, zeroline: false, constrain: 'domain', ticksuffix: ' m' },
-    yaxis: { range: [y0, y1], showgrid: false, zeroline: false, scaleanchor: 'x', constrain: 'domain' },
+    height: Math.min(760, Math.max(300, width * Math.min(1.3, (top - bottom) / (right - left)))) + 90, hovermode: 'closest', margin: { l: 34, r: 8, t: 26, b: 30 }, showlegend: true,
+    images: [{ source: picture, xref: 'x', yref: 'y', x: x0, y: y1, sizex: x1 - x0, sizey: y1 - y0, sizing: 'stretch', layer: 'below', opacity: Number(colour('picture')) }],
+    xaxis: { range: [left, right], showgrid: false, zeroline: false, constrain: 'domain', ticksuffix: ' m' },
+    yaxis: { range: [bottom, top], showgrid: false, zeroline: false, scaleanchor: 'x', constrain: 'domain' },
   }), CONFIG);
 }
