@@ -68,6 +68,14 @@ void BatchSim::step() {
     });
 }
 
+void BatchSim::follow(const double *before) {
+    pool_.run(num_envs_, [&](int first, int last) {
+        for (int i = first; i < last; ++i) {
+            if (b_.active[i] && tasks_[i]) follow_one(i, {before[3 * i], before[3 * i + 1]});
+        }
+    });
+}
+
 void BatchSim::plan(double *out) {
     pool_.run(num_envs_, [&](int first, int last) {
         for (int i = first; i < last; ++i) {
@@ -158,11 +166,27 @@ void BatchSim::step_one(int i) {
     b_.collided[i] = collided;
     b_.time[i] = time_s;
     memory[1] += 1.0;
-    // A fast robot may cross the goal's disc between two instants: the chord counts, not its end alone.
-    const Vec2 after{pose.x, pose.y};
-    b_.reached[i] = !collided && origin_to_segment(before - task.goal, after - task.goal) < task.goal_tolerance;
+    b_.reached[i] = arrived(i, before);
     guide(i);
     sense(i);
+}
+
+void BatchSim::follow_one(int i, Vec2 before) {
+    const Task &task = *tasks_[i];
+    const Pose pose = load_pose(b_.pose + 3 * i);
+    const double clear =
+        clearance(*task.world, DiscPlaces(*task.world, b_.time[i]), robot_.footprint, pose, config_.clearance_limit);
+    b_.least_clearance[i] = std::min(b_.clearance[i], clear);
+    b_.clearance[i] = clear;
+    b_.reached[i] = arrived(i, before);
+    guide(i);
+}
+
+bool BatchSim::arrived(int i, Vec2 before) const {
+    // A fast robot may cross the goal's disc between two instants: the chord counts, not its end alone.
+    const Task &task = *tasks_[i];
+    const Vec2 after{b_.pose[3 * i], b_.pose[3 * i + 1]};
+    return !b_.collided[i] && origin_to_segment(before - task.goal, after - task.goal) < task.goal_tolerance;
 }
 
 void BatchSim::sense(int i) {

@@ -96,12 +96,17 @@ class BatchSim {
     void reset(const std::uint8_t *mask);
     // Moves every active robot by one control period and senses.
     void step();
+    // For robots that something else has moved, from the poses before (N, 3) to those in the buffers: whether the
+    // active ones have arrived, their clearance and their guidance. Senses nothing; whether they hit, the other tells.
+    void follow(const double *before);
     // A*+DWA: a command for every active robot into out (N, 2), along its path with full knowledge of its world.
     void plan(double *out);
 
   private:
     void reset_one(int i);
     void step_one(int i);
+    void follow_one(int i, Vec2 before);
+    bool arrived(int i, Vec2 before) const;
     void sense(int i);
     void guide(int i);
 

@@ -129,6 +129,12 @@ void step(BoundSim &self) {
     self.sim.step();
 }
 
+void follow(BoundSim &self, const In<double, nb::shape<-1, 3>> &before) {
+    if (before.shape(0) != static_cast<std::size_t>(self.sim.num_envs())) throw nb::value_error("before");
+    const nb::gil_scoped_release release;
+    self.sim.follow(before.data());
+}
+
 void plan(BoundSim &self, Out<double, Rows2> out) {
     if (out.shape(0) != static_cast<std::size_t>(self.sim.num_envs())) throw nb::value_error("out");
     const nb::gil_scoped_release release;
@@ -168,6 +174,7 @@ void bind_batch_sim(nb::module_ &m) {
         .def("set_task", &set_task, nb::arg("index"), nb::arg("task"))
         .def("reset", &reset, nb::arg("mask").noconvert())
         .def("step", &step)
+        .def("follow", &follow, nb::arg("before").noconvert())
         .def("plan", &plan, nb::arg("out").noconvert());
     m.attr("NUM_PARAMS") = static_cast<int>(kNumParams);
     m.attr("MEMORY_SIZE") = kMemory;

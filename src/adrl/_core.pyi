@@ -150,6 +150,9 @@ class BatchSim:
         """Put the robots of the mask (N) at their tasks' starts, at rest, and sense."""
     def step(self) -> None:
         """Move every active robot by one control period and sense."""
+    def follow(self, before: F64) -> None:
+        """For robots that something else moved from the poses before (N, 3) to those in the buffers: whether the active
+        ones have arrived, their clearance and guidance."""
     def plan(self, out: F64) -> None:
         """A*+DWA: write a command (v, w) for every active robot into out (N, 2)."""
 

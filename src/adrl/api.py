@@ -1,16 +1,20 @@
 """The Python API: what the commands do, as functions. adrl.train, adrl.evaluate and adrl.load_policy are these."""
 
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from importlib import resources
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from adrl import files
 from adrl.agents.config import TrainConfig
 from adrl.baselines.planner import AStarDwaPolicy
-from adrl.deploy.policy import MlpPolicy, load_policy
+from adrl.deploy.policy import DEFAULT, MlpPolicy, load_policy, resolve_policy
 from adrl.deploy.setup import Setup, setup_of
+from adrl.envs import Body, NavSim
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.results import RunMeta, Summary, summarise, write_episodes
 from adrl.evaluation.rollout import PrivilegedPolicy, Rollout, rollout
@@ -21,10 +25,9 @@ from adrl.runs import RunConfig, train
 from adrl.types import Policy, RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, task_set
 
-__all__ = ["Evaluation", "RunConfig", "TrainConfig", "evaluate", "load_policy", "train"]
+__all__ = ["DEFAULT", "Evaluation", "RunConfig", "TrainConfig", "evaluate", "load_policy", "train"]
 
 PLANNER = "astar-dwa"
-DEFAULT = "default"
 OWN_TASKS = "own"
 """The split that a summary names when the tasks were the user's."""
 
@@ -36,24 +39,6 @@ class Evaluation:
     summary: Summary
     rollout: Rollout
     tasks: Sequence[Task]
-
-
-def default_policy_folder() -> Path:
-    """Folder of the policy that ships with the package."""
-    return Path(str(resources.files("adrl") / "policies" / DEFAULT))
-
-
-def resolve_policy(policy: str | Path) -> Path:
-    """Run folder of a policy: `default` is the shipped one. Raises CheckpointError."""
-    if str(policy) == DEFAULT:
-        return default_policy_folder()
-    folder = Path(policy)
-    if not folder.is_dir():
-        raise CheckpointError(
-            f"policy {str(policy)!r}: no such folder; give the folder of a finished training run, "
-            f"{PLANNER!r} or {DEFAULT!r}"
-        )
-    return folder
 
 
 def evaluate(
@@ -70,6 +55,8 @@ def evaluate(
     replanner: ReplannerConfig | None = None,
     paper_literal: bool = False,
     tasks: Sequence[Task] | None = None,
+    make_body: Callable[[RobotConfig], AbstractContextManager[Body]] | None = None,
+    on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None = None,
     out: Path | None = None,
     on_step: Callable[[int, int], None] | None = None,
 ) -> Evaluation:
@@ -78,7 +65,8 @@ def evaluate(
     policy: "astar-dwa", "default", a run folder, or an object with act(observation). robot, guidance: of the policy's
     training when None. seed: changes the noise only. record: tasks whose routes are kept. replanner: constants of
     guidance `replan`, those of the training when None. paper_literal: with these, its equations as printed. tasks:
-    instead of those of the split. out: folder for episodes.parquet, summary.json and
+    instead of those of the split. make_body: makes what moves the robots instead of our simulator, for as long as it is
+    needed: adrl.integrations.gazebo.Gazebo. on_drive: see rollout. out: folder for episodes.parquet, summary.json and
     traces.safetensors, the course of some episodes and of the first failures, for adrl report. Raises AdrlError.
     """
     if episodes < 1:
@@ -100,23 +88,26 @@ def evaluate(
     else:
         split = OWN_TASKS
     recorder = None if out is None else _recorder(driver)
-    result = rollout(
-        driver,
-        tasks,
-        config,
-        guidance=about["guidance"],
-        encoder=setup.encoder if setup else None,
-        replanner=constants.literal() if paper_literal else constants,
-        maturity=driver.config.maturity if isinstance(driver, MlpPolicy) else 0.0,
-        seed=seed,
-        num_threads=num_threads,
-        record=record,
-        recorder=recorder,
-        on_step=on_step,
-    )
-    summary = summarise(
-        result.episodes, RunMeta(**about, robot=config.name, scenario=place.name, split=split)
-    )
+    with make_body(config) if make_body is not None else nullcontext() as body:
+        result = rollout(
+            driver,
+            tasks,
+            config,
+            guidance=about["guidance"],
+            encoder=setup.encoder if setup else None,
+            replanner=constants.literal() if paper_literal else constants,
+            maturity=driver.config.maturity if isinstance(driver, MlpPolicy) else 0.0,
+            seed=seed,
+            num_threads=num_threads,
+            record=record,
+            recorder=recorder,
+            on_step=on_step,
+            body=body,
+            on_drive=on_drive,
+        )
+    simulator = "native" if body is None else type(body).__name__.lower()
+    meta = RunMeta(**about, robot=config.name, scenario=place.name, split=split, simulator=simulator)
+    summary = summarise(result.episodes, meta)
     if out is not None and recorder is not None:
         out.mkdir(parents=True, exist_ok=True)
         write_episodes(out / "episodes.parquet", result.episodes)

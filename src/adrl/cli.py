@@ -15,10 +15,12 @@ COMMANDS = {
     "evaluate": "drive a policy on fixed tasks and report success, time and distance with intervals",
     "compare": "train and evaluate many methods with many seeds, and compare them in one table",
     "barn": "drive a policy in worlds of the BARN benchmark and score it",
+    "gazebo": "drive policies in Gazebo, measure the gap to our simulator, export worlds",
+    "calibrate": "fit the simulator's base to recorded drives",
     "report": "write one HTML file of a run or a comparison: curves, tables, replays, failures",
     "collect": "record A*+DWA demonstrations as a Minari dataset",
     "export": "write a policy as an ONNX model, or for the C++ example",
-    "bench": "measure the simulator (sim), the planners (plan), a robot's step (act) or the learner (learn)",
+    "bench": "measure the simulator, planners, a robot's step, the learner or Gazebo: sim, plan, act, learn, gazebo",
     "list": "list robots, scenarios, methods and policies",
 }
 

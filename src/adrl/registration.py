@@ -1,4 +1,4 @@
-"""Registers adrl/Nav-v0 in Gymnasium without importing it: `import adrl` stays light, before it or after."""
+"""Registers our environments in Gymnasium without importing it: `import adrl` stays light, before it or after."""
 
 import sys
 from collections.abc import Sequence
@@ -7,6 +7,15 @@ from types import ModuleType
 from typing import Any
 
 ENV_ID = "adrl/Nav-v0"
+ENVS = {
+    # Text, not classes: what they name is imported by the first make().
+    ENV_ID: ("adrl.envs:NavEnv", "adrl.envs:NavVectorEnv"),
+    "adrl/Gazebo-v0": (
+        "adrl.integrations.gazebo.env:GazeboEnv",
+        "adrl.integrations.gazebo.env:GazeboVectorEnv",
+    ),
+}
+"""Each environment's class, and that of many side by side."""
 
 
 def register_when_possible() -> None:
@@ -20,9 +29,9 @@ def register_when_possible() -> None:
 def _register() -> None:
     from gymnasium.envs.registration import register, registry
 
-    if ENV_ID not in registry:
-        # Text, not classes: adrl.envs is imported by the first make().
-        register(ENV_ID, entry_point="adrl.envs:NavEnv", vector_entry_point="adrl.envs:NavVectorEnv")
+    for name, (single, vector) in ENVS.items():
+        if name not in registry:
+            register(name, entry_point=single, vector_entry_point=vector)
 
 
 class _GymnasiumFinder:

@@ -5,10 +5,11 @@ import json
 import platform
 import time
 from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import tyro
 
@@ -17,13 +18,13 @@ from adrl.agents import checkpoint
 from adrl.agents.config import TrainConfig
 from adrl.agents.interface import Validation
 from adrl.agents.methods import METHODS, method_config
-from adrl.deploy.policy import MlpPolicy, PolicyConfig
-from adrl.envs import NavVectorEnv
+from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy, resolve_policy
+from adrl.envs import Body, NavVectorEnv
 from adrl.errors import ConfigError, UnknownName
 from adrl.evaluation.metrics import success_rate
 from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Demonstrations, Source, collect, load_minari
-from adrl.imitation.probe import Probe, probe_steps, record_probe
+from adrl.imitation.probe import probe_steps, record_probe
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards.config import STANDING_AT_WORST
@@ -54,6 +55,12 @@ class RunConfig(Place):
     """goal: the policy sees the final goal; replan: that, and waypoints of its own map when it is stuck (eqs 18-23);
     map: a waypoint on the A* path of the known map."""
     replanner: ReplannerConfig = field(default_factory=ReplannerConfig)
+    env: Literal["native", "gazebo"] = "native"
+    """What moves and senses the robots of training: our simulator, or Gazebo (scripts/gazebo-chroot sets it up), which
+    does not randomise. Probe and validation are in our simulator either way."""
+    fine_tune: Path | None = None
+    """Run folder of a policy to begin with, or default: fine-tuning. It is held until the critics are warm, see
+    critic_warmup_updates."""
     out: Path | None = None
     """Run folder; runs/METHOD-SCENARIO-sSEED when left out."""
     resume: bool = False
@@ -79,6 +86,8 @@ class RunConfig(Place):
         super().__post_init__()
         if self.method not in METHODS:
             raise UnknownName("method", self.method, METHODS)
+        if self.env == "gazebo" and self.resume:
+            raise ConfigError("a run in Gazebo cannot be resumed: Gazebo keeps no state; start another")
         for name in ("num_envs", "task_pool", "validation_episodes"):
             if getattr(self, name) < 1:
                 raise ConfigError(f"{name} is {getattr(self, name)}; give 1 or more")
@@ -136,10 +145,41 @@ def train(
     resumed = checkpoint.exists(out)
     if resumed and not config.resume:
         raise ConfigError(f"{out} holds an unfinished run; give --resume to go on with it, or another --out")
+    start = None if config.fine_tune is None else load_policy(resolve_policy(config.fine_tune))
     make_env = env_maker(config, learner, scenario, robot)
-    env = make_env(
-        config.num_envs, randomize=config.randomize, task_priority=config.task_priority, seed=learner.seed
-    )
+    with _robots(config, robot) as body:
+        env = make_env(
+            config.num_envs,
+            randomize=config.randomize and body is None,
+            task_priority=config.task_priority,
+            seed=learner.seed,
+            body=body,
+        )
+        return _train(config, learner, env, make_env, out, start, resumed, on_progress, start_time_s)
+
+
+def _robots(config: RunConfig, robot: RobotConfig) -> AbstractContextManager[Body | None]:
+    """What moves the robots of training; None for our simulator."""
+    if config.env == "native":
+        return nullcontext()
+    from adrl.integrations.gazebo import Gazebo
+
+    return Gazebo(robot, config.num_envs, seed=config.learner.seed)
+
+
+def _train(
+    config: RunConfig,
+    learner: TrainConfig,
+    env: NavVectorEnv,
+    make_env: Callable[..., NavVectorEnv],
+    out: Path,
+    start: MlpPolicy | None,
+    resumed: bool,
+    on_progress: Callable[["Progress"], None] | None,
+    start_time_s: float,
+) -> "TrainResult":
+    """The run in its environment."""
+    scenario, robot = env.scenario, env.robot
     began_s = time.monotonic()
     demonstrations = _demonstrations(config, env) if learner.schedule.imitates else None
     demonstrated_s = time.monotonic()
@@ -167,6 +207,7 @@ def train(
         demonstrations=demonstrations,
         probe=probe,
         mirror=env.sim.encoder.mirror,
+        start=start,
         evaluate=validation(config, scenario, robot, learner),
         on_progress=on_progress,
         start_time_s=start_time_s,
@@ -243,7 +284,9 @@ def about_policy(
                 "num_envs": config.num_envs,
                 "task_pool": config.task_pool,
                 "task_priority": config.task_priority,
-                "randomize": config.randomize,
+                "randomize": config.randomize and config.env == "native",
+                **({"simulator": config.env} if config.env != "native" else {}),
+                **({"fine_tune": str(config.fine_tune)} if config.fine_tune is not None else {}),
                 "replanner": asdict(config.resolved_replanner()),
             },
             "run": out.name,

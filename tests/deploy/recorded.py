@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from adrl.api import default_policy_folder
 from adrl.deploy import MlpPolicy, Odometry, Scan, load_policy
+from adrl.deploy.policy import default_policy_folder
 from adrl.envs import NavSim
 from adrl.motion import F32
 from adrl.observation import EncoderConfig

@@ -6,8 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from adrl.api import default_policy_folder
-from adrl.deploy.policy import load_policy
+from adrl.deploy.policy import default_policy_folder, load_policy
 from adrl.envs import NavSim, NavVectorEnv
 from adrl.evaluation.rollout import Rollout, rollout
 from adrl.observation import EncoderConfig, in_robot_frame

@@ -36,11 +36,13 @@ class Learner:
         probe: Probe | None,
         rng: np.random.Generator,
         mirror: Mirror | None = None,
+        start: MlpPolicy | None = None,
     ) -> None:
         """demonstrations are left aside by a method that does not imitate, and S stays 0 without the probe it needs.
 
-        mirror: of the observations, None for a robot that is not symmetric. Raises ConfigError if demonstrations or
-        probe are missing, DatasetError if they are malformed or of another shape.
+        mirror: of the observations, None for a robot that is not symmetric. start: the actor to begin with, which is
+        held while the critics are cold. Raises ConfigError if demonstrations or probe are missing or the start is of
+        another shape, DatasetError if they are malformed or of another shape.
         """
         if not config.schedule.imitates:
             demonstrations = None
@@ -66,6 +68,9 @@ class Learner:
         self._probe_value = td3.make_probe_value(self._shape)
         self._q_of_average = td3.make_q_of_average(self._shape)
         self.state = td3.init_state(rng, self._shape)
+        self._started = start is not None
+        if start is not None:
+            self.state = td3.with_actor(self.state, _actor_vector(start, self._shape.actor))
         self._actor = jnp.array(self.state.actor, copy=True)
         self._info: td3.UpdateInfo | None = None
         self.compile_seconds: float | None = None
@@ -104,8 +109,8 @@ class Learner:
 
     @property
     def lambda_bc(self) -> float:
-        """Weight of cloning: lambda(t) (eq 5), 1 while the actor only clones, 0 without demonstrations."""
-        if not self.clones:
+        """Weight of cloning: lambda(t) (eq 5), 1 while the actor only clones, 0 without demonstrations or held."""
+        if not self.clones or self.holds_actor:
             return 0.0
         return 1.0 if self.clones_only else schedule.lambda_bc(self._schedule, self._config.schedule)
 
@@ -125,15 +130,24 @@ class Learner:
         return self.clones and self.pretrain_updates < self._config.pretrain_updates
 
     @property
+    def cold(self) -> bool:
+        """Whether the critics would undo what the actor can: in pretraining, and in the first online updates."""
+        return self.pretraining or self.online_updates < self._config.critic_warmup_updates
+
+    @property
     def clones_only(self) -> bool:
-        """Whether the actor only clones: in pretraining, and while the critics are still cold."""
-        warm = self.online_updates >= self._config.critic_warmup_updates
-        return self.clones and (self.pretraining or not warm)
+        """Whether the actor only clones, as the critics are cold."""
+        return self.clones and self.cold
+
+    @property
+    def holds_actor(self) -> bool:
+        """Whether the actor it was given stays as it is, as the critics are cold."""
+        return self._started and self.cold
 
     @property
     def acts_at_random(self) -> bool:
         """Whether the actor has learnt nothing yet that could drive."""
-        return self.updates == 0
+        return self.updates == 0 and not self._started
 
     def update(self) -> None:
         """Sample and start updates_per_iteration updates; they run while the caller goes on."""
@@ -142,7 +156,8 @@ class Learner:
         expert_rows = config.td3.batch_size if pretraining else self.expert_rows
         rows = self._sample(expert_rows, updates)
         labels = self._sample_labels(updates // config.td3.policy_delay)
-        weights = Weights(self.reward_maturity, self.lambda_bc, q_weight=0.0 if self.clones_only else 1.0)
+        hold = self.clones_only or self.holds_actor
+        weights = Weights(self.reward_maturity, self.lambda_bc, q_weight=0.0 if hold else 1.0)
         weights = Weights(*(np.float32(w) for w in weights))
         began_s = time.monotonic()
         self.state, self._actor, self._info = self._update(self.state, rows, labels, weights)
@@ -265,3 +280,14 @@ class Learner:
         if not self.clones:
             return None
         return self.replay.sample_labels(self._rng, (count, self._config.td3.bc_batch_size))
+
+
+def _actor_vector(policy: MlpPolicy, sizes: networks.Sizes) -> F32:
+    """(P,) the policy's parameters as networks.unflatten reads them. Raises ConfigError for other sizes."""
+    if policy.config.sizes != sizes:
+        raise ConfigError(
+            f"the policy to start from has layers of {policy.config.sizes} units, the run {sizes}; "
+            "give the same encoder and td3.widths"
+        )
+    *hidden, (weight, bias) = policy.layers
+    return np.concatenate([part.ravel() for pair in [*hidden, (weight.T, bias)] for part in pair])

@@ -86,6 +86,14 @@ def init_state(rng: np.random.Generator, shape: Shape) -> LearnerState:
     )
 
 
+def with_actor(state: LearnerState, actor: np.ndarray) -> LearnerState:
+    """The state with another actor (P,), and its target and average with it."""
+    # As above: each leaf its own memory.
+    return state._replace(
+        actor=jnp.array(actor), target_actor=jnp.array(actor), average_actor=jnp.array(actor)
+    )
+
+
 def make_update(shape: Shape) -> Update:
     """Compile the update of a shape: one call runs all batches it is given."""
 

@@ -54,6 +54,7 @@ def train(
     demonstrations: Demonstrations | None = None,
     probe: Probe | None = None,
     mirror: Mirror | None = None,
+    start: MlpPolicy | None = None,
     evaluate: Evaluate | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     start_time_s: float | None = None,
@@ -63,9 +64,9 @@ def train(
 
     policy_config: what is saved with the policy (input_size, widths and maturity are filled in here).
     demonstrations: D2, for methods that imitate. probe: measures S, where the method follows it. mirror: of the
-    observations of a symmetric robot. start_time_s: of time.monotonic(); wall clock and max_seconds count from it,
-    validation left out. resume: from the newest checkpoint, or from the start if there is none. Raises
-    ConfigError, CheckpointError, DatasetError.
+    observations of a symmetric robot. start: the actor to begin with. start_time_s: of time.monotonic(); wall clock and
+    max_seconds count from it, validation left out. resume: from the newest checkpoint, or from the start if there is
+    none. Raises ConfigError, CheckpointError, DatasetError.
     """
     if config.steps is None and config.max_seconds is None:
         raise ConfigError("the run would never end; give steps or max_seconds")
@@ -73,7 +74,7 @@ def train(
     rng = np.random.Generator(np.random.PCG64(config.seed))
     observation = np.array(env.reset(seed=config.seed)[0], dtype=np.float32)
     n, size = observation.shape
-    learner = Learner(config, n, size, demonstrations, probe, rng, mirror)
+    learner = Learner(config, n, size, demonstrations, probe, rng, mirror, start)
     run = _Run(config, env, out, learner, rng, observation, policy_config, started_s)
     run.evaluate, run.on_progress = evaluate, on_progress
     run.begin(resume)

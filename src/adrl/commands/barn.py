@@ -8,7 +8,7 @@ from typing import Literal
 
 from adrl import api, files
 from adrl.commands.options import console, parse, progress_bar, require_file, require_folder
-from adrl.deploy.policy import MlpPolicy, load_policy
+from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
 from adrl.errors import ConfigError
 from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, world_table
 from adrl.evaluation.results import write_table
@@ -104,7 +104,7 @@ def _driver(options: BarnOptions) -> tuple[str | MlpPolicy, RobotConfig, float]:
     if options.policy == api.PLANNER:
         v_max = JACKAL.max_speed_mps if options.v_max is None else options.v_max
         return options.policy, dataclasses.replace(JACKAL, max_speed_mps=v_max), v_max
-    policy = load_policy(api.resolve_policy(options.policy))
+    policy = load_policy(resolve_policy(options.policy))
     robot = robot_from_fields(policy.config.robot)
     if robot.footprint_m != JACKAL.footprint_m:
         raise ConfigError(

@@ -6,12 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from adrl import files
-from adrl.api import DEFAULT, default_policy_folder, resolve_policy
 from adrl.benchmarks.act import bench_act, bench_runtime
 from adrl.benchmarks.plan import bench_dwa, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.commands.options import parse, require_file
-from adrl.deploy.policy import load_policy
+from adrl.deploy.policy import DEFAULT, default_policy_folder, load_policy, resolve_policy
 from adrl.errors import UnknownName
 
 WHAT = {
@@ -19,6 +18,7 @@ WHAT = {
     "plan": "A*+DWA decisions a second, replanning, a policy's step, and planning across a map",
     "act": "a robot's step from scan to command, the policy alone and the runtime with its supervisor",
     "learn": "gradient updates a second on one core, beside Stable-Baselines3's TD3 where it is installed",
+    "gazebo": "control steps a second of robots in Gazebo, where it is set up",
 }
 
 
@@ -88,6 +88,24 @@ class LearnOptions:
     """File for the results."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class GazeboOptions:
+    """Gazebo in lock-step, and our side of the connection, on one core."""
+
+    robot: str = "diffbot"
+    """A robot's name (adrl list) or a TOML file."""
+    envs: int = 1
+    """Robots driven side by side."""
+    physics_step_s: float = 0.004
+    """Step of Gazebo's physics, s."""
+    steps: int = 500
+    """Control periods of a round."""
+    rounds: int = 5
+    """Rounds; the median is reported."""
+    json: Path | None = None
+    """File for the results."""
+
+
 def main(arguments: Sequence[str]) -> int:
     """Measure and print."""
     if not arguments or arguments[0] in ("-h", "--help"):
@@ -99,7 +117,7 @@ def main(arguments: Sequence[str]) -> int:
     what, rest = arguments[0], arguments[1:]
     if what not in WHAT:
         raise UnknownName("benchmark", what, WHAT)
-    results, path = {"sim": _sim, "plan": _plan, "act": _act, "learn": _learn}[what](rest)
+    results, path = {"sim": _sim, "plan": _plan, "act": _act, "learn": _learn, "gazebo": _gazebo}[what](rest)
     if path is not None and str(path) != "-":
         files.write_json(path, results)
     print(files.to_json(results))
@@ -171,3 +189,18 @@ def _learn(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
     options = parse(LearnOptions, arguments, "bench learn", "Gradient updates a second.")
     require_file("--json", options.json)
     return bench_learn(widths=options.widths, seconds=options.seconds, rounds=options.rounds), options.json
+
+
+def _gazebo(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
+    from adrl.benchmarks.gazebo import bench_gazebo
+
+    options = parse(GazeboOptions, arguments, "bench gazebo", "Control steps a second in Gazebo.")
+    require_file("--json", options.json)
+    results = bench_gazebo(
+        options.robot,
+        num_envs=options.envs,
+        physics_step_s=options.physics_step_s,
+        steps=options.steps,
+        rounds=options.rounds,
+    )
+    return results, options.json

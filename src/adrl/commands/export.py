@@ -6,10 +6,11 @@ from pathlib import Path
 
 from tyro.conf import Positional
 
-from adrl import api, files
+from adrl import files
 from adrl.commands.options import parse, require_file
 from adrl.deploy.onnx_graph import to_onnx
 from adrl.deploy.plain import to_safetensors
+from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
 from adrl.errors import ConfigError
 
 
@@ -33,11 +34,11 @@ def main(arguments: Sequence[str]) -> int:
     if options.onnx == options.safetensors:
         raise ConfigError("give one of --onnx and --safetensors")
     require_file("--out", options.out)
-    folder = api.resolve_policy(options.policy)
-    if options.out is None and options.policy == api.DEFAULT:
+    folder = resolve_policy(options.policy)
+    if options.out is None and options.policy == DEFAULT:
         raise ConfigError("the shipped policy's folder is not yours to write to; give --out FILE")
     out = options.out or folder / ("policy.onnx" if options.onnx else "policy.plain.safetensors")
-    policy = api.load_policy(folder)
+    policy = load_policy(folder)
     files.atomic_write_bytes(out, to_onnx(policy) if options.onnx else to_safetensors(policy))
     print(out)
     return 0

@@ -5,6 +5,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
+from importlib import resources
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ SCHEMA_VERSION = 1
 WEIGHTS_FILE = "policy.safetensors"
 CONFIG_FILE = "config.json"
 ACTION_SIZE = 2
+DEFAULT = "default"
+"""The policy that ships with the package."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,6 +91,24 @@ class MlpPolicy:
         known = asdict(self.config)
         extra = known.pop("extra")
         write_json(path / CONFIG_FILE, {"schema_version": SCHEMA_VERSION} | known | extra)
+
+
+def default_policy_folder() -> Path:
+    """Folder of the policy that ships with the package."""
+    return Path(str(resources.files("adrl") / "policies" / DEFAULT))
+
+
+def resolve_policy(policy: str | os.PathLike[str]) -> Path:
+    """Run folder of a policy: `default` is the shipped one. Raises CheckpointError."""
+    if str(policy) == DEFAULT:
+        return default_policy_folder()
+    folder = Path(policy)
+    if not folder.is_dir():
+        raise CheckpointError(
+            f"policy {str(policy)!r}: no such folder; give the folder of a finished training run, or {DEFAULT!r}; "
+            "evaluations also take 'astar-dwa'"
+        )
+    return folder
 
 
 def load_policy(folder: str | os.PathLike[str]) -> MlpPolicy:

@@ -1,8 +1,8 @@
 """Gymnasium environments over the batch simulator: adrl/Nav-v0, alone and as a vector."""
 
 from adrl.envs.nav_env import NavEnv
-from adrl.envs.nav_sim import NavSim, Outcome
+from adrl.envs.nav_sim import Body, NavSim, Outcome
 from adrl.envs.randomization import MILD, NOMINAL, Randomization
 from adrl.envs.vector_env import NavVectorEnv
 
-__all__ = ["MILD", "NOMINAL", "NavEnv", "NavSim", "NavVectorEnv", "Outcome", "Randomization"]
+__all__ = ["MILD", "NOMINAL", "Body", "NavEnv", "NavSim", "NavVectorEnv", "Outcome", "Randomization"]

@@ -6,14 +6,14 @@ No autoreset and no Gymnasium: NavVectorEnv and the evaluation's rollout are bui
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.envs.randomization import NOMINAL, Randomization, draw_params
-from adrl.errors import UnknownName
+from adrl.errors import ConfigError, UnknownName
 from adrl.motion import ScanHistory
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.planning.path_guide import sim_config
@@ -27,6 +27,23 @@ Mask = NDArray[np.bool_]
 
 STAGNATION_WINDOW = 5
 """Steps over which eq 12 averages displacements."""
+
+
+class Body(Protocol):
+    """Moves and senses robots instead of our simulator, as Gazebo does. b: NavSim's arrays."""
+
+    @property
+    def num_envs(self) -> int:
+        """Robots it has; there may be fewer in the arrays."""
+        ...
+
+    def reset(self, indices: NDArray[np.intp], tasks: Sequence[Task], b: Mapping[str, NDArray[Any]]) -> None:
+        """Put robots at their tasks' starts; write pose, odometry, twist and ranges."""
+        ...
+
+    def step(self, b: Mapping[str, NDArray[Any]]) -> None:
+        """Drive the active robots for a control period; write these, and time, travelled and collided."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -57,16 +74,24 @@ class NavSim:
         replanner: ReplannerConfig | None = None,
         maturity: float = 0.0,
         num_threads: int = 1,
+        body: Body | None = None,
     ) -> None:
         """num_threads: 0 takes one per core. replanner, maturity: for guidance `replan`, S being the policy's.
 
-        Raises UnknownName for a guidance that does not exist.
+        body: moves and senses the robots instead of our simulator; of the randomization it knows nothing. Raises
+        UnknownName for a guidance that does not exist, ConfigError for a body with fewer robots.
         """
         if guidance not in GUIDANCE:
             raise UnknownName("guidance", guidance, GUIDANCE)
+        if body is not None and (body.num_envs < num_envs or randomization != NOMINAL):
+            raise ConfigError(
+                f"the body has {body.num_envs} robots and drives them as they are; "
+                "give num_envs at most that number, and no randomization"
+            )
         self.num_envs = num_envs
         self.robot = robot
         self.guidance = guidance
+        self.body = body
         self.encoder = ObservationEncoder(robot, encoder)
         self.reward = reward or RewardConfig()
         self._randomization = randomization
@@ -116,6 +141,8 @@ class NavSim:
         self.b["active"][indices] = 1
         self._last_action[indices] = to_action(np.zeros((1, 2)), self.robot)
         self.native.reset(mask)
+        if self.body is not None:
+            self.body.reset(indices, tasks, self.b)
         if self._history is not None:
             self._history.begin(indices, self.b["ranges"], self.b["odometry"])
         if self.replanner is not None:
@@ -143,7 +170,11 @@ class NavSim:
         before_distance = self._distance()
         self._last_action = np.clip(actions, -1.0, 1.0).astype(np.float32)
         b["command"][:] = to_twist(actions, self.robot)
-        self.native.step()
+        if self.body is None:
+            self.native.step()
+        else:
+            self.body.step(b)
+            self.native.follow(before_pose)
         if self._history is not None:
             self._history.add(b["ranges"], b["odometry"])
         if self.replanner is not None:
@@ -198,7 +229,9 @@ class NavSim:
         return {name: array.copy() for name, array in (self.b | own).items()}
 
     def set_state(self, state: Mapping[str, NDArray[Any]], tasks: Sequence[Task | None]) -> None:
-        """Continue from what state() returned."""
+        """Continue from what state() returned. Raises ConfigError for robots that a body moves."""
+        if self.body is not None:
+            raise ConfigError("robots that Gazebo moves cannot be put back amid an episode; start a new run")
         for name, array in self.b.items():
             array[:] = state[name]
         self._last_action = state["last_action"].copy()

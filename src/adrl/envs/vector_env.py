@@ -9,7 +9,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from adrl.envs.nav_sim import NavSim
+from adrl.envs.nav_sim import Body, NavSim
 from adrl.envs.randomization import MILD, NOMINAL, Randomization
 from adrl.envs.render import Renderer
 from adrl.errors import ConfigError
@@ -76,6 +76,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         num_threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         render_mode: str | None = None,
+        body: Body | None = None,
     ) -> None:
         """split, task_pool: tasks are drawn from the first `task_pool` ones of the split.
         task_priority: chances are 0.1 + task_priority * the task's failure rate; 0 draws all alike.
@@ -87,6 +88,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         replanner's thresholds (eq 20).
         seed: used until reset(seed=...) gives another. num_threads: 0 takes one per core.
         autoreset_mode: SAME_STEP, or DISABLED to reset with options={"reset_mask": mask}.
+        body: moves and senses the robots instead of our simulator, as they are: randomize must be False.
         """
         if num_envs < 1:
             raise ConfigError(f"num_envs is {num_envs}; give 1 or more")
@@ -104,6 +106,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             replanner=replanner,
             maturity=maturity,
             num_threads=num_threads,
+            body=body,
         )
         self.maturity = maturity
         if not 0.0 <= task_priority <= 1000.0:

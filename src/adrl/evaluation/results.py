@@ -34,6 +34,8 @@ class RunMeta:
     scenario: str
     guidance: str
     split: str
+    simulator: str = "native"
+    """native, or gazebo."""
     train_seconds: float | None = None
     """Wall clock spent on training; None for a planner."""
     env_steps: int | None = None
@@ -54,9 +56,9 @@ def summarise(episodes: Episodes, meta: RunMeta) -> Summary:
     summary: Summary = {"schema_version": SCHEMA_VERSION, **about, "episodes": len(episodes)}
     for ending in RATES:
         flags = getattr(episodes, ending)
-        summary |= _entry(ending, wilson_interval(int(flags.sum()), len(flags)))
+        summary |= interval_entry(ending, wilson_interval(int(flags.sum()), len(flags)))
     for name, samples in SAMPLES.items():
-        summary |= _entry(name, bootstrap_mean(samples(episodes)))
+        summary |= interval_entry(name, bootstrap_mean(samples(episodes)))
     return summary | {key: _defined(value) for key, value in training.items()}
 
 
@@ -182,7 +184,8 @@ def _cell(summary: Mapping[str, Any], column: _Column) -> Any:
     return text
 
 
-def _entry(name: str, interval: Interval) -> Summary:
+def interval_entry(name: str, interval: Interval) -> Summary:
+    """The metric with _low and _high, None where undefined."""
     values = zip(("", "_low", "_high"), interval, strict=True)
     return {name + suffix: _defined(value) for suffix, value in values}
 

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.envs import NOMINAL, NavSim, Randomization
+from adrl.envs import NOMINAL, Body, NavSim, Randomization
 from adrl.errors import TaskError
 from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.traces import Recorder
@@ -73,19 +73,23 @@ def rollout(
     rewards: Rewards | None = None,
     recorder: Recorder | None = None,
     on_step: Callable[[int, int], None] | None = None,
+    body: Body | None = None,
+    on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None = None,
 ) -> Rollout:
     """Drive every task once.
 
     seed: of the sensors' noise and of odometry drift, nothing else; every policy meets the same. record: number of
     tasks, from the first, whose routes are kept. replanner, maturity: see NavSim. first_task: number of tasks[0] in
     its split. rewards: those to add up, if any. recorder: keeps the course of some episodes. on_step(ended, total) is
-    told the progress. Raises TaskError for no tasks.
+    told the progress. body: moves and senses the robots instead of our simulator, as many side by side as it has.
+    on_drive(sim, numbers, moving) sees each period of the robots (N,) that moved. Raises TaskError for no tasks.
     """
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
     parts, routes, starts, returns, replans, done = [], [], [], [], [], 0
-    for first in range(0, len(tasks), CHUNK):
-        chunk = tasks[first : first + CHUNK]
+    side_by_side = CHUNK if body is None else body.num_envs
+    for first in range(0, len(tasks), side_by_side):
+        chunk = tasks[first : first + side_by_side]
         sim = NavSim(
             len(chunk),
             robot,
@@ -96,6 +100,7 @@ def rollout(
             replanner=replanner,
             maturity=maturity,
             num_threads=num_threads,
+            body=body,
         )
         numbers = first_task + first + np.arange(len(chunk))
         # Noise and drift of a task depend on the evaluation's seed and the task's number alone.
@@ -110,7 +115,7 @@ def rollout(
                 on_step(before + ended, len(tasks))
 
         starts.append(sim.observe())
-        part, kept, earned = _drive(policy, sim, numbers, keep, rewards, recorder, progress)
+        part, kept, earned = _drive(policy, sim, numbers, keep, rewards, recorder, progress, on_drive)
         parts.append(part)
         routes += kept
         returns.append(earned)
@@ -135,6 +140,7 @@ def _drive(
     rewards: Rewards | None,
     recorder: Recorder | None,
     progress: Callable[[int], None],
+    on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None,
 ) -> tuple[dict[str, NDArray[np.generic]], list[Array], Array]:
     n = sim.num_envs
     earned, discount = np.zeros(n), 1.0
@@ -161,6 +167,8 @@ def _drive(
         )  # contact stops a robot at once, which says nothing of its driving
         turned[moving] += np.abs(sim.b["twist"][moving, 1] - before[moving])
         steps[moving] += 1
+        if on_drive is not None:
+            on_drive(sim, numbers, moving)
         least_clearance[active] = np.minimum(least_clearance, sim.b["least_clearance"])[active]
         if rewards is not None:
             paid = reward(outcome.reward_terms, outcome.features, rewards.maturity, rewards.config)

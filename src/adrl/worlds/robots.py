@@ -1,6 +1,7 @@
 """The robots we know, and robots from TOML files."""
 
 import dataclasses
+import json
 import math
 import os
 import tomllib
@@ -101,6 +102,19 @@ def _read_robot(path: Path) -> RobotConfig:
         return robot_from_fields({"name": path.stem} | table)
     except ConfigError as error:
         raise ConfigError(f"robot file {path}: {error}") from None
+
+
+def robot_toml(robot: RobotConfig) -> str:
+    """The robot as a TOML file that load_robot reads."""
+    fields = dataclasses.asdict(robot)
+    lidar = fields.pop("lidar")
+
+    def lines(table: Mapping[str, Any]) -> list[str]:
+        given = {key: value for key, value in table.items() if value is not None}
+        # JSON's texts, numbers and lists are TOML's.
+        return [f"{key} = {json.dumps(value)}" for key, value in given.items()]
+
+    return "\n".join([*lines(fields), "", "[lidar]", *lines(lidar)]) + "\n"
 
 
 def robot_from_fields(table: Mapping[str, Any]) -> RobotConfig:

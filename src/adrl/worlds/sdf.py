@@ -11,7 +11,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from adrl.errors import WorldError
+from adrl.errors import ConfigError, WorldError
 from adrl.types import Array, World
 from adrl.worlds.shapes import box, place
 
@@ -33,8 +33,8 @@ def load_sdf(
 ) -> World:
     """The world of an SDF file: its collision geometry, standing still.
 
-    Cylinders and spheres become circles, boxes polygons, vertical planes segments of their size; horizontal
-    planes are ground. What does not reach into height_band_m is left out. Poses in the <state> section
+    Cylinders and spheres become circles, boxes and extruded polylines polygons, vertical planes segments of their
+    size; horizontal planes are ground. What does not reach into height_band_m is left out. Poses in the <state> section
     replace those of the models, as Gazebo does when it loads a world; in the BARN worlds both are the same.
     Poses are composed model * link * collision and must be upright. Raises WorldError, which names the file
     and the model and says what to do.
@@ -132,6 +132,8 @@ class _Reader:
                     self.circles.append((pose.x, pose.y, radius * max(scale[:2])))
             elif shape.tag == "sphere":
                 self._add_sphere(pose, _positive(_numbers(shape, "radius", 1, name), name)[0] * max(scale))
+            elif shape.tag == "polyline":
+                self._add_polyline(shape, pose, scale, name)
             elif shape.tag == "plane":
                 self._add_plane(shape, pose, name)
             elif shape.tag != "empty":
@@ -145,6 +147,22 @@ class _Reader:
         height = min(max(pose.z, self.band_m[0]), self.band_m[1]) - pose.z
         if abs(height) < radius_m:
             self.circles.append((pose.x, pose.y, math.sqrt(radius_m**2 - height**2)))
+
+    def _add_polyline(self, shape: Element, pose: _Pose, scale: tuple[float, ...], name: str) -> None:
+        """The convex polygon that is extruded upwards from the pose."""
+        height = _positive(_numbers(shape, "height", 1, name), name)[0] * scale[2]
+        if not self._in_the_way(pose.z + 0.5 * height, 0.5 * height):
+            return
+        points = np.array([_words(point.text, 2, f"{name}: <point>") for point in shape.iterfind("point")])
+        corners = place(points.reshape(-1, 2) * scale[:2], pose.x, pose.y, pose.yaw)
+        x, y = corners.T
+        clockwise = float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) < 0.0
+        corners = np.ascontiguousarray(corners[::-1] if clockwise else corners)
+        try:
+            World(bounds=(0.0, 0.0, 1.0, 1.0), polygons=(corners,))
+        except ConfigError:
+            raise WorldError(f"{name} has a polyline that is not convex; make it of convex parts") from None
+        self.polygons.append(corners)
 
     def _add_plane(self, shape: Element, pose: _Pose, name: str) -> None:
         """A wall of the plane's size, for a vertical one. SDF turns the size's z axis into the normal."""
@@ -230,12 +248,17 @@ def _numbers(
     text = owner.findtext(tag)
     if text is None and default is not None:
         return default
+    return _words(text, count, f"{name}: <{tag}> of <{owner.tag}>")
+
+
+def _words(text: str | None, count: int, what: str) -> tuple[float, ...]:
+    """So many numbers of a text. Raises WorldError that says what is not."""
     try:
         numbers = tuple(float(word) for word in (text or "").split())
     except ValueError:
         numbers = ()
     if len(numbers) != count or not all(math.isfinite(number) for number in numbers):
-        raise WorldError(f"{name}: <{tag}> of <{owner.tag}> is {text!r}; give {count} finite numbers")
+        raise WorldError(f"{what} is {text!r}; give {count} finite numbers")
     return numbers
 
 

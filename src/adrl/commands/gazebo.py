@@ -1,0 +1,198 @@
+"""adrl gazebo."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from adrl import api, files
+from adrl.commands.options import console, parse, progress_bar, require_file, require_folder
+from adrl.errors import UnknownName
+from adrl.evaluation.calibration import calibrate
+from adrl.evaluation.drives import DriveRecorder
+from adrl.evaluation.results import comparison_table
+from adrl.evaluation.transfer import Side, transfer_document, transfer_table
+from adrl.integrations.gazebo import Gazebo
+from adrl.types import RobotConfig
+from adrl.worlds import load_robot, task_set
+from adrl.worlds.place import Place
+from adrl.worlds.sdf_write import save_sdf
+
+WHAT = {
+    "evaluate": "drive a policy on fixed tasks in Gazebo",
+    "transfer": "the same tasks in our simulator and in Gazebo, and the gap between them",
+    "export": "write a scenario's world, or a map, as a Gazebo world",
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class EvaluateOptions(Place):
+    """Which policy drives where. Worlds are flattened to their boxes, cylinders and walls."""
+
+    policy: str = api.DEFAULT
+    """astar-dwa (knows the map), default (the shipped policy), or a run folder."""
+    robot: str | None = None
+    """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
+    guidance: Literal["goal", "replan", "map"] | None = None
+    """As adrl evaluate has it; as trained when left out."""
+    split: Literal["train", "validation", "test"] = "test"
+    """Which tasks: task i of a split is the same for ever."""
+    episodes: int = 500
+    """Tasks to drive, one episode each."""
+    seed: int = 0
+    """Of the sensors' noise; the tasks stay the same."""
+    drives: Path | None = None
+    """CSV file for commands and what the base did, period by period: what adrl calibrate reads."""
+    out: Path | None = None
+    """Folder for episodes.parquet and summary.json."""
+    json: Path | None = None
+    """File for the summary; - prints it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferOptions(Place):
+    """Which policy drives where."""
+
+    policy: str = api.DEFAULT
+    """astar-dwa (knows the map), default (the shipped policy), or a run folder."""
+    robot: str | None = None
+    """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
+    guidance: Literal["goal", "replan", "map"] | None = None
+    """As adrl evaluate has it; as trained when left out."""
+    split: Literal["train", "validation", "test"] = "test"
+    """Which tasks."""
+    episodes: int = 500
+    """Tasks to drive in each simulator."""
+    seed: int = 0
+    """Of the sensors' noise."""
+    out: Path | None = None
+    """Folder for transfer.json, and each simulator's episodes.parquet, summary.json and drives.csv."""
+    json: Path | None = None
+    """File for the results; - prints them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions(Place):
+    """Which world."""
+
+    out: Path
+    """File for the SDF world."""
+    robot: str = "diffbot"
+    """The robot that a scenario draws worlds for."""
+    split: Literal["train", "validation", "test"] = "test"
+    """Split of the scenario's task"""
+    task: int = 0
+    """and its number."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run one of WHAT."""
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print("usage: adrl gazebo WHAT [OPTIONS]\n")
+        for name, text in WHAT.items():
+            print(f"  {name:<9} {text}")
+        print("\nadrl gazebo WHAT --help explains the options. scripts/gazebo-chroot sets Gazebo up.")
+        return 0 if arguments else 2
+    what, rest = arguments[0], arguments[1:]
+    if what not in WHAT:
+        raise UnknownName("Gazebo command", what, WHAT)
+    return {"evaluate": _evaluate, "transfer": _transfer, "export": _export}[what](rest)
+
+
+def _evaluate(arguments: Sequence[str]) -> int:
+    options = parse(EvaluateOptions, arguments, "gazebo evaluate", "Drive a policy on fixed tasks in Gazebo.")
+    require_folder("--out", options.out)
+    require_file("--json", options.json)
+    require_file("--drives", options.drives)
+    side = _drive(options, "Gazebo", make_body=Gazebo, out=options.out)
+    if options.drives is not None:
+        side.drives.save(options.drives)
+    _write(options.json, side.document())
+    console().print(comparison_table([side.summary]))
+    return 0
+
+
+def _transfer(arguments: Sequence[str]) -> int:
+    options = parse(
+        TransferOptions,
+        arguments,
+        "gazebo transfer",
+        "Drive the same tasks in our simulator, in Gazebo, and in our simulator with the base's constants fitted to "
+        "Gazebo's drives.",
+    )
+    require_folder("--out", options.out)
+    require_file("--json", options.json)
+    robot = load_robot(options.robot or api.robot_of(options.policy))
+    place = {"native": None, "gazebo": None, "calibrated": None}
+    folders = {name: None if options.out is None else options.out / name for name in place}
+    sides = {"gazebo": _drive(options, "Gazebo", robot=robot, make_body=Gazebo, out=folders["gazebo"])}
+    fit = calibrate(sides["gazebo"].drives, robot)
+    sides["native"] = _drive(options, "native", robot=robot, out=folders["native"])
+    # The tasks are those of the robot as configured: the fitted base only drives them.
+    sides["calibrated"] = _drive(
+        options, "calibrated", robot=fit.robot, tasks_of=robot, out=folders["calibrated"]
+    )
+    document = transfer_document(sides, fit)
+    if options.out is not None:
+        files.write_json(options.out / "transfer.json", document)
+        for name, side in sides.items():
+            side.drives.save(options.out / name / "drives.csv")
+    _write(options.json, document)
+    console().print(transfer_table(document))
+    return 0
+
+
+def _export(arguments: Sequence[str]) -> int:
+    options = parse(ExportOptions, arguments, "gazebo export", "Write a world that Gazebo reads.")
+    require_file("--out", options.out)
+    task = task_set(options.load(), load_robot(options.robot), options.split, 1, first=options.task)[0]
+    save_sdf(options.out, task.world)
+    x, y, yaw = task.start
+    console().print(f"start {x:.3f} {y:.3f} {yaw:.3f}, goal {task.goal[0]:.3f} {task.goal[1]:.3f}")
+    print(options.out)
+    return 0
+
+
+def _drive(
+    options: EvaluateOptions | TransferOptions,
+    name: str,
+    *,
+    robot: RobotConfig | None = None,
+    tasks_of: RobotConfig | None = None,
+    make_body: Callable[[RobotConfig], Any] | None = None,
+    out: Path | None,
+) -> Side:
+    """One simulator's part, with a bar."""
+    place, recorder = options.load(), DriveRecorder()
+    tasks = None if tasks_of is None else task_set(place, tasks_of, options.split, options.episodes)
+    with progress_bar(f"{options.policy}, {name}") as (bar, item):
+
+        def show(ended: int, total: int) -> None:
+            bar.update(item, completed=ended / total, note=f"{ended} of {total} episodes")
+
+        result = api.evaluate(
+            options.policy,
+            scenario=place,
+            robot=robot or options.robot,
+            guidance=options.guidance,
+            split=options.split,
+            episodes=options.episodes,
+            seed=options.seed,
+            tasks=tasks,
+            make_body=make_body,
+            on_drive=recorder,
+            out=out,
+            on_step=show,
+        )
+    return Side(
+        summary=result.summary | {"split": options.split},
+        episodes=result.rollout.episodes,
+        drives=recorder.drives(),
+    )
+
+
+def _write(path: Path | None, document: dict[str, Any]) -> None:
+    if path is not None and str(path) != "-":
+        files.write_json(path, document)
+    elif path is not None:
+        print(files.to_json(document))

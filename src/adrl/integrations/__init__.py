@@ -1,0 +1,1 @@
+"""ADRL beside other programs. Each part is optional and imported by the commands that need it."""

@@ -1,0 +1,366 @@
+// World plugin: robots of one kind, driven from outside in lock-step.
+//
+// Gazebo's own thread blocks after each control period until the next message comes, so no simulated time passes
+// unnoticed and nothing spins. The plugin connects to 127.0.0.1:<port>, where the program that started Gazebo
+// listens, and ends Gazebo when that closes the connection. Every number is little-endian, as the processor has it.
+//
+// Messages to the plugin, each answered with the state:
+//   'R' u32 slot, u32 seed, f64 x, y, yaw, u32 discs, discs x 8 f64, u32 length, text
+//       Robot `slot` stands at the pose, at rest. The models in the text, an SDF document with one <world>, take the
+//       place of those of the slot's last 'R'; with length 0 the old ones stay. Model disc_<slot>_<j> moves as row j
+//       says: x1, y1, x2, y2, radius, speed, phase, stop_s, to and fro between its two ends. Seeds Gazebo's noise.
+//   'S' N x (f64 speed, yaw rate), N x u8 active
+//       One control period. Robots that are not active get the command to stand, and sense nothing.
+// State: N x (11 f64, K f32): x, y, yaw; odometry x, y, yaw; speed, yaw rate, from the wheels; metres driven and
+//   seconds until contact in this period; 1 for contact; then the ranges, infinite where nothing is hit.
+//
+// <plugin>: port, robots (N), steps (of physics in a control period), radius and separation of the wheels, torque, reach
+//   (range below which a robot may touch something in the next period), speed (2: least, greatest), yaw_rate,
+//   acceleration, yaw_acceleration, latency. Robot i is the model robot_<i> with joints
+//   left and right, a collision "footprint" and a ray sensor "lidar".
+#include <arpa/inet.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <deque>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <gazebo/common/common.hh>
+#include <gazebo/physics/physics.hh>
+#include <gazebo/sensors/sensors.hh>
+#include <ignition/math/Rand.hh>
+
+namespace adrl {
+
+using gazebo::physics::ModelPtr;
+
+struct Twist {
+    double v = 0.0, w = 0.0;
+};
+
+struct Disc {
+    ModelPtr model;
+    std::array<double, 8> row;
+};
+
+struct Robot {
+    ModelPtr model;
+    gazebo::physics::JointPtr left, right;
+    gazebo::sensors::RaySensorPtr lidar;
+    std::vector<ModelPtr> scenery;
+    std::vector<Disc> discs;
+    std::deque<Twist> commands; // newest first, one a physics step of the latency
+    Twist wanted, target, executed;
+    double odometry[3] = {};
+    double driven = 0.0, free_s = 0.0, clock = 0.0, fastest_disc = 0.0;
+    bool contact = false, active = false;
+};
+
+[[noreturn]] void end(const char *why) {
+    if (why) std::fprintf(stderr, "adrl lockstep: %s\n", why);
+    _exit(why ? 1 : 0);
+}
+
+// Blocking reads and writes of whole numbers and texts.
+class Line {
+  public:
+    void connect(int port) {
+        socket_ = ::socket(AF_INET, SOCK_STREAM, 0);
+        sockaddr_in address{};
+        address.sin_family = AF_INET;
+        address.sin_port = htons(static_cast<std::uint16_t>(port));
+        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+        if (::connect(socket_, reinterpret_cast<sockaddr *>(&address), sizeof address) != 0) end("nobody listens");
+        const int on = 1;
+        setsockopt(socket_, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    }
+
+    void read(void *into, std::size_t bytes) {
+        for (auto *at = static_cast<char *>(into); bytes > 0;) {
+            const ssize_t got = ::recv(socket_, at, bytes, 0);
+            if (got < 0 && errno == EINTR) continue;
+            if (got <= 0) end(nullptr); // the other side has gone
+            at += got;
+            bytes -= static_cast<std::size_t>(got);
+        }
+    }
+
+    template <typename T> T read() {
+        T value;
+        read(&value, sizeof value);
+        return value;
+    }
+
+    void write(const std::vector<char> &data) {
+        for (std::size_t sent = 0; sent < data.size();) {
+            const ssize_t n = ::send(socket_, data.data() + sent, data.size() - sent, MSG_NOSIGNAL);
+            if (n < 0 && errno == EINTR) continue;
+            if (n <= 0) end(nullptr);
+            sent += static_cast<std::size_t>(n);
+        }
+    }
+
+  private:
+    int socket_ = -1;
+};
+
+double towards(double value, double goal, double largest_change) {
+    return value + std::clamp(goal - value, -largest_change, largest_change);
+}
+
+namespace physics = gazebo::physics;
+namespace sensors = gazebo::sensors;
+namespace event = gazebo::event;
+
+class Lockstep : public gazebo::WorldPlugin {
+  public:
+    void Load(physics::WorldPtr world, sdf::ElementPtr sdf) override {
+        world_ = world;
+        robots_.resize(sdf->Get<unsigned>("robots"));
+        steps_ = sdf->Get<int>("steps");
+        radius_ = sdf->Get<double>("radius");
+        separation_ = sdf->Get<double>("separation");
+        torque_ = sdf->Get<double>("torque");
+        reach_ = sdf->Get<double>("reach");
+        const auto speed = sdf->Get<ignition::math::Vector2d>("speed");
+        min_speed_ = speed.X();
+        max_speed_ = speed.Y();
+        max_yaw_rate_ = sdf->Get<double>("yaw_rate");
+        acceleration_ = sdf->Get<double>("acceleration");
+        yaw_acceleration_ = sdf->Get<double>("yaw_acceleration");
+        dt_s_ = world->Physics()->GetMaxStepSize();
+        delay_ = static_cast<std::size_t>(std::lround(sdf->Get<double>("latency") / dt_s_));
+        world->Physics()->SetRealTimeUpdateRate(0.0); // as fast as it can
+        line_.connect(sdf->Get<int>("port"));
+        begin_ = event::Events::ConnectWorldUpdateBegin([this](const gazebo::common::UpdateInfo &) { drive(); });
+        end_ = event::Events::ConnectWorldUpdateEnd([this] { after_step(); });
+    }
+
+  private:
+    // Robots and sensors appear some updates after the world.
+    bool find_robots() {
+        for (std::size_t i = 0; i < robots_.size(); ++i) {
+            Robot &robot = robots_[i];
+            const std::string name = "robot_" + std::to_string(i);
+            if (!robot.model) robot.model = world_->ModelByName(name);
+            if (!robot.model) return false;
+            auto *sensors = sensors::SensorManager::Instance();
+            const auto found = sensors->GetSensor(world_->Name() + "::" + name + "::base::lidar");
+            robot.lidar = std::dynamic_pointer_cast<sensors::RaySensor>(found);
+            if (!robot.lidar || !robot.lidar->LaserShape()) return false;
+            robot.left = robot.model->GetJoint("left");
+            robot.right = robot.model->GetJoint("right");
+            const auto footprint = robot.model->GetLink("base")->GetCollision("footprint");
+            if (!robot.left || !robot.right || !footprint) end("robot without wheels or footprint");
+            owner_[footprint.get()] = i;
+            robot.commands.assign(delay_ + 1, {});
+            for (const auto &joint : {robot.left, robot.right}) joint->SetParam("fmax", 0, torque_);
+        }
+        return true;
+    }
+
+    // Before a step of physics: the base follows its command within its acceleration limits.
+    void drive() {
+        if (!ready_) return;
+        for (Robot &robot : robots_) {
+            robot.commands.push_front(robot.wanted);
+            robot.commands.pop_back();
+            const Twist due = robot.commands.back();
+            robot.target.v = towards(robot.target.v, due.v, acceleration_ * dt_s_);
+            robot.target.w = towards(robot.target.w, due.w, yaw_acceleration_ * dt_s_);
+            const double side = 0.5 * separation_ * robot.target.w;
+            robot.left->SetParam("vel", 0, (robot.target.v - side) / radius_);
+            robot.right->SetParam("vel", 0, (robot.target.v + side) / radius_);
+            if (robot.active) robot.clock += dt_s_;
+            for (const Disc &disc : robot.discs) place(disc, robot.clock);
+        }
+    }
+
+    void after_step() {
+        if (!ready_) {
+            ready_ = find_robots();
+            if (ready_) serve();
+            return;
+        }
+        const auto *contacts = world_->Physics()->GetContactManager();
+        for (unsigned i = 0; i < contacts->GetContactCount(); ++i) {
+            const physics::Contact *contact = contacts->GetContact(i);
+            if (contact->count == 0) continue;
+            for (const auto *collision : {contact->collision1, contact->collision2}) {
+                const auto found = owner_.find(collision);
+                if (found != owner_.end()) robots_[found->second].contact = true;
+            }
+        }
+        for (Robot &robot : robots_) measure(robot);
+        if (--remaining_ <= 0) {
+            send_state();
+            serve();
+        }
+    }
+
+    // What the wheels' encoders tell, and what was driven before contact.
+    void measure(Robot &robot) {
+        const double left = radius_ * robot.left->GetVelocity(0), right = radius_ * robot.right->GetVelocity(0);
+        robot.executed = {0.5 * (left + right), (right - left) / separation_};
+        double *pose = robot.odometry;
+        const double heading = pose[2] + 0.5 * robot.executed.w * dt_s_;
+        pose[0] += robot.executed.v * dt_s_ * std::cos(heading);
+        pose[1] += robot.executed.v * dt_s_ * std::sin(heading);
+        pose[2] = std::remainder(pose[2] + robot.executed.w * dt_s_, 2.0 * M_PI);
+        if (robot.contact) return;
+        const auto velocity = robot.model->WorldLinearVel();
+        robot.driven += std::hypot(velocity.X(), velocity.Y()) * dt_s_;
+        robot.free_s += dt_s_;
+    }
+
+    // Answers messages until one lets time pass.
+    void serve() {
+        for (;;) {
+            const char kind = line_.read<char>();
+            if (kind == 'R') {
+                reset();
+                send_state();
+            } else if (kind == 'S') {
+                std::vector<Twist> commands(robots_.size());
+                std::vector<std::uint8_t> active(robots_.size());
+                line_.read(commands.data(), commands.size() * sizeof(Twist));
+                line_.read(active.data(), active.size());
+                for (std::size_t i = 0; i < robots_.size(); ++i) {
+                    Robot &robot = robots_[i];
+                    robot.active = active[i] != 0;
+                    robot.wanted = robot.active ? commands[i] : Twist{};
+                    robot.wanted.v = std::clamp(robot.wanted.v, min_speed_, max_speed_);
+                    robot.wanted.w = std::clamp(robot.wanted.w, -max_yaw_rate_, max_yaw_rate_);
+                    robot.driven = robot.free_s = 0.0;
+                    robot.contact = false;
+                }
+                remaining_ = steps_;
+                return;
+            } else {
+                end("unknown message");
+            }
+        }
+    }
+
+    void reset() {
+        const auto slot = line_.read<std::uint32_t>();
+        const auto seed = line_.read<std::uint32_t>();
+        std::array<double, 3> start;
+        line_.read(start.data(), sizeof start);
+        std::vector<std::array<double, 8>> rows(line_.read<std::uint32_t>());
+        line_.read(rows.data(), rows.size() * sizeof rows[0]);
+        std::string text(line_.read<std::uint32_t>(), '\0');
+        line_.read(text.data(), text.size());
+        if (slot >= robots_.size()) end("no such robot");
+        Robot &robot = robots_[slot];
+        if (!text.empty()) furnish(robot, text);
+        robot.discs.clear();
+        robot.fastest_disc = 0.0;
+        for (const auto &row : rows) robot.fastest_disc = std::max(robot.fastest_disc, row[5]);
+        for (std::size_t j = 0; j < rows.size(); ++j) {
+            const std::string name = "disc_" + std::to_string(slot) + "_" + std::to_string(j);
+            for (const ModelPtr &model : robot.scenery) {
+                if (model->GetName() == name) robot.discs.push_back({model, rows[j]});
+            }
+        }
+        ignition::math::Rand::Seed(seed);
+        world_->Physics()->SetSeed(seed);
+        robot.clock = robot.driven = robot.free_s = 0.0;
+        robot.contact = false;
+        robot.active = true;
+        robot.wanted = robot.target = robot.executed = {};
+        robot.commands.assign(delay_ + 1, {});
+        std::copy(start.begin(), start.end(), robot.odometry);
+        for (const auto &joint : {robot.left, robot.right}) joint->SetParam("vel", 0, 0.0);
+        robot.model->SetWorldPose({start[0], start[1], 0.0, 0.0, 0.0, start[2]});
+        robot.model->ResetPhysicsStates();
+        for (const Disc &disc : robot.discs) place(disc, 0.0);
+    }
+
+    // Not through the factory topic, which would let simulated time pass before the models are there.
+    void furnish(Robot &robot, const std::string &text) {
+        const physics::BasePtr root = robot.model->GetParent();
+        for (const ModelPtr &model : robot.scenery) {
+            root->RemoveChild(model->GetName());
+            model->Fini();
+        }
+        robot.scenery.clear();
+        sdf::SDF document;
+        document.SetFromString(text);
+        for (auto element = document.Root()->GetElement("world")->GetElement("model"); element;
+             element = element->GetNextElement("model")) {
+            const ModelPtr model = world_->Physics()->CreateModel(root);
+            model->SetWorld(world_);
+            model->Load(element);
+            model->Init();
+            robot.scenery.push_back(model);
+        }
+    }
+
+    // Where a disc is: to and fro between its ends, standing still after stop_s.
+    static void place(const Disc &disc, double time_s) {
+        const auto [x1, y1, x2, y2, radius, speed, phase, stop_s] = disc.row;
+        (void)radius;
+        const double run = std::max(2.0 * std::hypot(x2 - x1, y2 - y1), 1e-9);
+        const double round = phase + speed * std::min(time_s, stop_s) / run;
+        const double share = 1.0 - std::abs(1.0 - 2.0 * (round - std::floor(round)));
+        const double z = disc.model->WorldPose().Pos().Z();
+        disc.model->SetWorldPose({x1 + share * (x2 - x1), y1 + share * (y2 - y1), z, 0.0, 0.0, 0.0});
+    }
+
+    void send_state() {
+        reply_.clear();
+        bool near = false;
+        for (Robot &robot : robots_) {
+            const auto pose = robot.model->WorldPose();
+            const double *odometry = robot.odometry;
+            const double numbers[11] = {pose.Pos().X(),   pose.Pos().Y(),  pose.Rot().Yaw(),
+                                        odometry[0],      odometry[1],     odometry[2],
+                                        robot.executed.v, robot.executed.w, robot.driven,
+                                        robot.free_s,     robot.contact ? 1.0 : 0.0};
+            append(numbers, sizeof numbers);
+            if (robot.active) robot.lidar->Update(true);
+            robot.lidar->Ranges(ranges_);
+            single_.assign(robot.lidar->RayCount(), 0.0f);
+            std::copy_n(ranges_.begin(), std::min(ranges_.size(), single_.size()), single_.begin());
+            append(single_.data(), single_.size() * sizeof(float));
+            const auto nearest = std::min_element(single_.begin(), single_.end());
+            near = near || (robot.active && *nearest < reach_ + robot.fastest_disc * steps_ * dt_s_);
+        }
+        // Gazebo keeps contacts when it is told to, all of them, and those of the wheels cost as much as the physics: so
+        // only while the LiDAR sees something that a robot may touch in the next period.
+        world_->Physics()->GetContactManager()->SetNeverDropContacts(near);
+        line_.write(reply_);
+    }
+
+    void append(const void *data, std::size_t bytes) {
+        const auto *first = static_cast<const char *>(data);
+        reply_.insert(reply_.end(), first, first + bytes);
+    }
+
+    physics::WorldPtr world_;
+    Line line_;
+    std::vector<Robot> robots_;
+    std::map<const physics::Collision *, std::size_t> owner_;
+    std::vector<double> ranges_;
+    std::vector<float> single_;
+    std::vector<char> reply_;
+    event::ConnectionPtr begin_, end_;
+    int steps_ = 25, remaining_ = 0;
+    std::size_t delay_ = 0;
+    double dt_s_ = 0.004, radius_ = 0.0, separation_ = 0.0, torque_ = 0.0, reach_ = 0.0;
+    double min_speed_ = 0.0, max_speed_ = 0.0, max_yaw_rate_ = 0.0, acceleration_ = 0.0, yaw_acceleration_ = 0.0;
+    bool ready_ = false;
+};
+
+GZ_REGISTER_WORLD_PLUGIN(Lockstep)
+
+} // namespace adrl

@@ -1,0 +1,146 @@
+"""A gzserver process with our plugin in it, and the connection to that."""
+
+import os
+import shutil
+import socket
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+from xml.etree.ElementTree import Element
+
+from adrl.errors import MissingExtra, WorldError
+from adrl.worlds.sdf_write import to_bytes
+
+PLUGIN = "libadrl_lockstep.so"
+PATIENCE_S = 120.0
+"""Time in which Gazebo must answer; a start on a busy machine took 20 s."""
+SETUP = "run scripts/gazebo-chroot of the source, as root"
+
+
+def gazebo_folder() -> Path:
+    """The folder that scripts/gazebo-chroot fills: ADRL_GAZEBO, or adrl/gazebo in the user's cache."""
+    cache = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(os.environ.get("ADRL_GAZEBO") or Path(cache) / "adrl" / "gazebo")
+
+
+def is_installed() -> bool:
+    """Whether scripts/gazebo-chroot has done its work."""
+    return (gazebo_folder() / "plugin.sha256").exists()
+
+
+class GazeboServer:
+    """gzserver on a world, headless, that waits for our messages. Use as a context, or close()."""
+
+    def __init__(self, world_sdf: Element, *, seed: int = 0) -> None:
+        """world_sdf: the document of a world with our plugin, whose port is filled in here.
+
+        Raises MissingExtra where Gazebo is not set up, WorldError when it does not start.
+        """
+        folder = gazebo_folder()
+        if not is_installed():
+            raise MissingExtra(f"Gazebo is not set up in {folder}; {SETUP}")
+        root = folder / "root"
+        chroot = root.is_dir()
+        self._files = Path(tempfile.mkdtemp(prefix="adrl-", dir=root / "tmp" if chroot else None))
+        self._process: subprocess.Popen[bytes] | None = None
+        self._socket: socket.socket | None = None
+        self._log = self._files / "log"
+        try:
+            with socket.create_server(("127.0.0.1", 0)) as listener:
+                world = self._files / "adrl.world"
+                for port in world_sdf.iterfind("world/plugin/port"):
+                    port.text = str(listener.getsockname()[1])
+                world.write_bytes(to_bytes(world_sdf))
+                inside = Path("/", world.relative_to(root)) if chroot else world
+                self._process = self._start(root if chroot else None, folder, inside, seed)
+                self._socket = self._accept(listener)
+        except BaseException:
+            self.close()
+            raise
+
+    def _start(self, root: Path | None, folder: Path, world: Path, seed: int) -> subprocess.Popen[bytes]:
+        command = ["gzserver", "--seed", str(seed + 1), str(world)]
+        if root is not None:
+            # Only root may chroot; others may in a user namespace of their own.
+            enter = [] if os.geteuid() == 0 else ["unshare", "--map-root-user"]
+            command = [*enter, "chroot", str(root), *command]
+        environment = {
+            "PATH": "/usr/sbin:/usr/bin:/sbin:/bin",
+            "HOME": str(world.parent),
+            "LC_ALL": "C",
+            "GAZEBO_MASTER_URI": f"http://127.0.0.1:{_free_port()}",
+            "GAZEBO_IP": "127.0.0.1",
+            "GAZEBO_MODEL_DATABASE_URI": "",
+            "GAZEBO_PLUGIN_PATH": "/opt/adrl" if root is not None else str(folder),
+            "GAZEBO_RESOURCE_PATH": "/usr/share/gazebo-11",
+        }
+        with open(self._log, "wb") as log:
+            return subprocess.Popen(
+                command,
+                env=environment,
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,  # Ctrl-C is for the parent, which then ends it
+            )
+
+    def _accept(self, listener: socket.socket) -> socket.socket:
+        """The plugin's connection."""
+        assert self._process is not None
+        listener.settimeout(0.2)
+        give_up_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < give_up_s:
+            try:
+                connection, _ = listener.accept()
+            except TimeoutError:
+                if self._process.poll() is not None:
+                    raise WorldError(f"Gazebo ended before it was ready: {self._words()}") from None
+                continue
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            connection.settimeout(PATIENCE_S)
+            return connection
+        raise WorldError(f"Gazebo was not ready in {PATIENCE_S:.0f} s: {self._words()}")
+
+    @property
+    def process_id(self) -> int:
+        """Of gzserver, which chroot and unshare have become."""
+        assert self._process is not None
+        return self._process.pid
+
+    def exchange(self, message: bytes, reply: memoryview) -> None:
+        """Send a message and fill reply with the answer. Raises WorldError when Gazebo has ended."""
+        assert self._socket is not None
+        try:
+            self._socket.sendall(message)
+            while reply:
+                got = self._socket.recv_into(reply)
+                if got == 0:
+                    raise ConnectionError("closed")
+                reply = reply[got:]
+        except OSError as error:
+            raise WorldError(f"Gazebo does not answer ({error}): {self._words()}") from None
+
+    def _words(self) -> str:
+        """The last lines of Gazebo's output."""
+        lines = self._log.read_text(errors="replace").split("\n")
+        return " / ".join(line.strip() for line in lines[-6:] if line.strip()) or "it wrote nothing"
+
+    def close(self) -> None:
+        """End Gazebo and delete its files. Doing so again changes nothing."""
+        if self._socket is not None:
+            self._socket.close()  # upon which the plugin ends its process
+            self._socket = None
+        if self._process is not None:
+            try:
+                self._process.wait(timeout=5.0)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+            self._process = None
+        shutil.rmtree(self._files, ignore_errors=True)
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return probe.getsockname()[1]

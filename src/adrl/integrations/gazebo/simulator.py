@@ -1,0 +1,167 @@
+"""Robots moved and sensed by Gazebo instead of our simulator: a Body that NavSim takes."""
+
+import math
+import struct
+from collections.abc import Mapping, Sequence
+from types import TracebackType
+from typing import Any
+from xml.etree.ElementTree import Element, SubElement
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.errors import ConfigError
+from adrl.integrations.gazebo.model import body_of, robot_model, wheel_torque_nm
+from adrl.integrations.gazebo.server import PLUGIN, GazeboServer
+from adrl.types import RobotConfig, Task, World
+from adrl.worlds.sdf_write import add, document, models, to_bytes
+
+PHYSICS_STEP_S = 0.004
+SOLVER_ITERATIONS = 20
+SPACING_M = 200.0
+"""Between the worlds of two robots: no LiDAR of ours reaches that far."""
+NUMBERS = 11
+"""Doubles of a robot's state, see plugin/lockstep.cpp."""
+
+
+class Gazebo:
+    """One gzserver for robots of one kind, each in a world of its own, driven in lock-step.
+
+    Give it to NavSim, rollout() or NavVectorEnv as their body. Use as a context, or close().
+    """
+
+    def __init__(
+        self,
+        robot: RobotConfig,
+        num_envs: int = 1,
+        *,
+        physics_step_s: float = PHYSICS_STEP_S,
+        seed: int = 0,
+    ) -> None:
+        """num_envs: robots side by side. physics_step_s: about that, as the control period is a multiple of it.
+
+        Raises MissingExtra where Gazebo is not set up; ConfigError; WorldError when it does not start.
+        """
+        if num_envs < 1:
+            raise ConfigError(f"num_envs is {num_envs}; give 1 or more")
+        if not 0.0 < physics_step_s <= robot.control_period_s:
+            raise ConfigError(
+                f"physics_step_s is {physics_step_s}; give at most the control period, {robot.control_period_s} s"
+            )
+        self.robot = robot
+        self.num_envs = num_envs
+        steps = max(1, round(robot.control_period_s / physics_step_s))
+        content = [_physics(robot.control_period_s / steps)]
+        content += [robot_model(robot, f"robot_{i}", (i * SPACING_M, 0.0, 0.0)) for i in range(num_envs)]
+        content.append(_plugin(robot, num_envs, steps))
+        self._server = GazeboServer(document(content, ground=True), seed=seed)
+        self._offset = np.arange(num_envs) * SPACING_M
+        row = np.dtype([("numbers", "<f8", NUMBERS), ("ranges", "<f4", robot.lidar.num_beams)])
+        self._reply = np.zeros(num_envs, dtype=row)
+        self._commands = np.zeros((num_envs, 2), "<f8")
+        self._active = np.zeros(num_envs, np.uint8)
+        self._standing: list[World | None] = [None] * num_envs
+
+    def __enter__(self) -> "Gazebo":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End Gazebo."""
+        self._server.close()
+
+    @property
+    def process_id(self) -> int:
+        """Of gzserver."""
+        return self._server.process_id
+
+    def reset(self, indices: NDArray[np.intp], tasks: Sequence[Task], b: Mapping[str, NDArray[Any]]) -> None:
+        """Put the robots `indices` at the starts of their tasks, in the tasks' worlds, and sense into b.
+
+        b: NavSim's arrays, of which seed is read, pose, odometry, twist and ranges are written.
+        """
+        for i, task in zip(indices, tasks, strict=True):
+            text = b""
+            if self._standing[i] is not task.world:
+                text = to_bytes(
+                    document(models(task.world, f"_{i}", (float(self._offset[i]), 0.0)), ground=False)
+                )
+                self._standing[i] = task.world
+            x, y, yaw = task.start
+            discs = task.world.discs + self._offset[i] * _X_COLUMNS
+            seed = int(b["seed"][i]) & 0xFFFFFFFF
+            head = struct.pack("<cIIdddI", b"R", i, seed, x + self._offset[i], y, yaw, len(discs))
+            body = discs.astype("<f8").tobytes() + struct.pack("<I", len(text)) + text
+            self._server.exchange(head + body, self._reply.view(np.uint8).data)
+        self._take(indices, b)
+
+    def step(self, b: Mapping[str, NDArray[Any]]) -> None:
+        """Drive all active robots with b["command"] for a control period, and write what came of it into b."""
+        n = len(b["active"])
+        self._commands[:n], self._active[:n] = b["command"], b["active"]
+        self._active[n:] = 0
+        message = b"S" + self._commands.tobytes() + self._active.tobytes()
+        self._server.exchange(message, self._reply.view(np.uint8).data)
+        rows = np.flatnonzero(b["active"])
+        self._take(rows, b)
+        numbers = self._reply["numbers"][rows]
+        b["travelled"][rows] += numbers[:, 8]
+        b["time"][rows] += numbers[:, 9]
+        b["collided"][rows] = numbers[:, 10] > 0.0
+
+    def _take(self, rows: NDArray[np.intp], b: Mapping[str, NDArray[Any]]) -> None:
+        """Copy the state of these robots."""
+        numbers = self._reply["numbers"][rows]
+        b["pose"][rows] = numbers[:, 0:3]
+        b["odometry"][rows] = numbers[:, 3:6]
+        b["pose"][rows, 0] -= self._offset[rows]
+        b["odometry"][rows, 0] -= self._offset[rows]
+        b["twist"][rows] = numbers[:, 6:8]
+        # Gazebo says infinite where nothing is hit, and minus infinite below the least range.
+        b["ranges"][rows] = np.clip(self._reply["ranges"][rows], 0.0, self.robot.lidar.max_range_m)
+
+
+_X_COLUMNS = np.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+
+
+def _physics(step_s: float) -> Element:
+    physics = Element("physics", name="ode", type="ode")
+    add(physics, "max_step_size", step_s)
+    add(physics, "real_time_update_rate", 0.0)
+    solver = SubElement(SubElement(physics, "ode"), "solver")
+    add(solver, "type", "quick")
+    SubElement(solver, "iters").text = str(SOLVER_ITERATIONS)
+    return physics
+
+
+def _reach_m(robot: RobotConfig) -> float:
+    """Range of a beam below which the robot may touch what it sees within a control period; standing discs only."""
+    lidar = robot.lidar
+    if lidar.fov_rad < 2.0 * math.pi - 1e-9:
+        return 1e9  # something may be where it does not look
+    # Noise in the range, and what stands between two beams.
+    slack = 5.0 * lidar.noise_std_m + 0.05
+    mount = math.hypot(lidar.mount_x_m, lidar.mount_y_m)
+    driven = max(robot.max_speed_mps, -robot.min_speed_mps) * robot.control_period_s
+    return robot.circumscribed_radius_m + mount + driven + slack
+
+
+def _plugin(robot: RobotConfig, num_envs: int, steps: int) -> Element:
+    body = body_of(robot)
+    plugin = Element("plugin", name="adrl_lockstep", filename=PLUGIN)
+    for tag, number in (("port", 0), ("robots", num_envs), ("steps", steps)):
+        SubElement(plugin, tag).text = str(number)
+    add(plugin, "radius", body.wheel_radius_m)
+    add(plugin, "separation", body.wheel_separation_m)
+    add(plugin, "torque", wheel_torque_nm(robot, body))
+    add(plugin, "reach", _reach_m(robot))
+    add(plugin, "speed", robot.min_speed_mps, robot.max_speed_mps)
+    add(plugin, "yaw_rate", robot.max_yaw_rate_radps)
+    add(plugin, "acceleration", robot.max_acceleration_mps2)
+    add(plugin, "yaw_acceleration", robot.max_yaw_acceleration_radps2)
+    add(plugin, "latency", robot.latency_s)
+    return plugin
