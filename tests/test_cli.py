@@ -21,6 +21,7 @@ from adrl.commands.bench import LearnOptions, PlanOptions, SimOptions
 from adrl.commands.collect import CollectOptions
 from adrl.commands.evaluate import EvaluateOptions
 from adrl.commands.list import ListOptions
+from adrl.commands.reproduce import ReproduceOptions
 from adrl.comparison.config import CompareConfig
 from adrl.evaluation.results import read_episodes
 from adrl.evaluation.rollout import Rollout, rollout
@@ -36,6 +37,7 @@ OPTIONS: dict[str, Any] = {
     "collect": CollectOptions,
     "compare": CompareConfig,
     "list": ListOptions,
+    "reproduce": ReproduceOptions,
     "bench sim": SimOptions,
     "bench plan": PlanOptions,
     "bench learn": LearnOptions,

@@ -14,6 +14,7 @@ COMMANDS = {
     "train": "train a policy",
     "evaluate": "drive a policy on fixed tasks and report success, time and distance with intervals",
     "compare": "train and evaluate many methods with many seeds, and compare them in one table",
+    "reproduce": "run the paper's experiments again: figures, tables and what does not reproduce",
     "collect": "record A*+DWA demonstrations as a Minari dataset",
     "bench": "measure the simulator (sim), the planners (plan) or the learner (learn)",
     "list": "list robots, scenarios, methods and policies",
