@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from adrl.agents.config import Td3Config, TrainConfig
+from adrl.baselines.tuned import TUNED
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.reproduce import preset, reproduce
 from adrl.report import reproduction as kept
@@ -52,7 +53,8 @@ def test_presets_have_the_papers_methods_and_equal_budgets(name: str, seeds: int
         assert config.guidance == "goal", "the replanner is off in training"
     (steps,) = {config.learner.steps for config in configs.values()}
     assert steps is not None
-    assert steps % (config.num_envs * 32) == 0, "PPO ends where the others do"
+    rollout = configs["clutter"].num_envs * TUNED["PPO"].get("n_steps", 32)
+    assert steps % rollout == 0, "PPO ends where the others do"
 
 
 def test_one_preset_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -124,7 +124,7 @@ def test_what_the_critic_says_is_what_the_library_predicts(algorithm: str) -> No
     model: Any = make_model(algorithm, env, small())
     states = (
         np.random.default_rng(1)
-        .standard_normal((5, env.single_observation_space.shape[0]))
+        .standard_normal((5, to_policy(model, PolicyConfig(input_size=1, widths=(1,))).config.input_size))
         .astype(np.float32)
     )
     expected = []

@@ -1,7 +1,7 @@
 """A job of a comparison: train one method with one seed, evaluate its final policy, leave the result."""
 
 import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -131,13 +131,22 @@ def _table(episodes: Episodes, job: Job, guidance: str) -> "pa.Table":
 
 def _train(config: RunConfig, method: str, out: Path, started_s: float) -> None:
     if method in SB3_METHODS:
-        _train_baseline(config, method, out, started_s)
+        train_baseline(config, method, out, started_s)
     else:
         train(config, start_time_s=started_s)
 
 
-def _train_baseline(config: RunConfig, method: str, out: Path, started_s: float) -> None:
-    """Stable-Baselines3 in the environment of td3. It has no checkpoints: a run that was killed starts afresh."""
+def train_baseline(
+    config: RunConfig,
+    method: str,
+    out: Path,
+    started_s: float | None = None,
+    tuned: Mapping[str, Any] | None = None,
+) -> None:
+    """Stable-Baselines3 in the environment of td3. It has no checkpoints: a run that was killed starts afresh.
+
+    config: a run of td3. method: of SB3_METHODS. started_s, tuned: see train_sb3.
+    """
     from adrl.baselines.sb3 import train_sb3
 
     shutil.rmtree(out, ignore_errors=True)
@@ -159,4 +168,5 @@ def _train_baseline(config: RunConfig, method: str, out: Path, started_s: float)
         policy_config=about,
         evaluate=validation(config, scenario, robot, learner),
         start_time_s=started_s,
+        tuned=tuned,
     )

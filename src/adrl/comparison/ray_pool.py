@@ -7,7 +7,9 @@ them. Every machine of the cluster needs this version of ADRL, and the files tha
 import contextlib
 import fcntl
 import importlib.util
+import logging
 import os
+import socket
 import subprocess
 import tempfile
 import time
@@ -24,6 +26,7 @@ from adrl.comparison.pool import CACHE_VARIABLE, WORKER, cache_path, log_path, t
 from adrl.errors import ConfigError, MissingExtra
 
 POLL_S = 0.5
+CONNECT_S = 10.0
 LOCKS_FOLDER = "adrl-cores"
 
 
@@ -41,20 +44,32 @@ def run_on_ray(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, 
 
     if not jobs:
         return []
+    _require_listening(str(config.ray))
     try:
-        ray.init(address=config.ray, log_to_driver=False, logging_level="ERROR")
+        ray.init(address=config.ray, log_to_driver=False, logging_level=logging.ERROR)
     except (ConnectionError, ValueError, RuntimeError) as error:
-        raise ConfigError(
-            f"no Ray cluster at {config.ray} ({error}); start one with ray start --head, or leave out --ray"
-        ) from None
+        raise ConfigError(f"no Ray cluster at {config.ray} ({error}); see ray status there") from None
     try:
         return _run(config, jobs, tell)
     finally:
         ray.shutdown()  # cancels what still runs: the job belongs to this driver
 
 
+def _require_listening(address: str) -> None:
+    """Ray itself would try for minutes. Raises ConfigError."""
+    host, _, port = address.rpartition(":")
+    try:
+        socket.create_connection((host, int(port)), timeout=CONNECT_S).close()
+    except (OSError, ValueError, OverflowError) as error:
+        raise ConfigError(
+            f"no Ray cluster at {address} ({error}); give HOST:PORT of one that ray start --head started, or "
+            "leave out --ray"
+        ) from None
+
+
 def _run(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int], None]) -> list[Job]:
     import ray
+    from ray.exceptions import RayError
 
     # A job is minutes of work: a machine that was lost gets it once more, a job that failed does not.
     remote: Any = ray.remote(num_cpus=1, max_retries=1)(remote_job)
@@ -71,7 +86,7 @@ def _run(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int], 
             ended += 1
             try:
                 _write(config, job, *ray.get(reference))
-            except ray.exceptions.RayError as error:
+            except RayError as error:
                 files.atomic_write_text(log_path(config, job), f"{error}\n")
             if not is_finished(config, job):
                 failed.append(job)

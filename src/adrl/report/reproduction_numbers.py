@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adrl.evaluation.learning_time import (
     STEADY_ROWS,
@@ -108,7 +109,7 @@ def steady_episodes(results: Results, scenario: str, method: str) -> list[float]
     return [steady_from(curve["episode"], curve["q_mean"]) for curve in results.curves_of(scenario, method)]
 
 
-def hard_worlds(results: Results, scenario: str) -> Array:
+def hard_worlds(results: Results, scenario: str) -> NDArray[np.intp]:
     """Tasks in which all trained methods together succeed least: HARD_SHARE of them, the same for every method."""
     guidance = results.trained_with(scenario)
     flags = [
@@ -117,12 +118,12 @@ def hard_worlds(results: Results, scenario: str) -> Array:
         for run in results.outcomes(scenario, method, guidance).values()
     ]
     if not flags:
-        return np.empty(0, np.int64)
+        return np.empty(0, np.intp)
     rate = np.mean(flags, axis=0)
     return np.argsort(rate, kind="stable")[: max(1, math.ceil(HARD_SHARE * len(rate)))]
 
 
-def success_on(results: Results, scenario: str, method: str, tasks: Array) -> list[float]:
+def success_on(results: Results, scenario: str, method: str, tasks: NDArray[np.intp]) -> list[float]:
     """Success of each seed on these tasks."""
     runs = results.outcomes(scenario, method, results.trained_with(scenario))
     return [float(run["success"][tasks].mean()) for _, run in sorted(runs.items())]
