@@ -70,11 +70,12 @@ def test_what_is_kept_is_what_was_run(tmp_path: Path) -> None:
     """Two scenarios, an imitating method and a baseline of others; a second call repeats no run."""
     comparisons = {name: tiny(name, "adrl,sb3-ppo") for name in ("clutter", "complex")}
     told: list[tuple[int, int, int]] = []
-    result = reproduce(comparisons, tmp_path, name="quick", on_change=lambda *state: told.append(state))
-    assert result.failed == {}
+    out = tmp_path / "results"
+    failed = reproduce(comparisons, tmp_path, out, name="quick", on_change=lambda *state: told.append(state))
+    assert failed == {}
     assert told[-1] == (6, 0, 6)
     assert [state[0] for state in told] == sorted(state[0] for state in told), "the bar never goes back"
-    results = kept.load(result.results)
+    results = kept.load(out)
     assert set(results.curves) == {(s, m, 0) for s in comparisons for m in ("adrl", "sb3-ppo")}
     for (scenario, method, _), curve in results.curves.items():
         assert curve["env_steps"][-1] == 2048
@@ -88,11 +89,12 @@ def test_what_is_kept_is_what_was_run(tmp_path: Path) -> None:
     curve = results.curves["clutter", "adrl", 0]
     np.testing.assert_allclose(curve["episode"], [row["episode"] for row in log])
     assert not list(tmp_path.glob("*/runs/*/checkpoint")), "checkpoints are not kept"
-    write_report(result.results)
-    assert (result.results / "fig7-routes-complex-replan.pdf").exists()
+    write_report(out)
+    assert (out / "fig7-routes-complex-replan.pdf").exists()
 
     before = {scenario: contents(tmp_path / scenario / "adrl-s0") for scenario in comparisons}
-    tables = (result.results / "tables.json").read_bytes()
-    write_report(reproduce(comparisons, tmp_path, name="quick").results)
+    tables = (out / "tables.json").read_bytes()
+    reproduce(comparisons, tmp_path, out, name="quick")
+    write_report(out)
     assert {scenario: contents(tmp_path / scenario / "adrl-s0") for scenario in comparisons} == before
-    assert (result.results / "tables.json").read_bytes() == tables, "equal results, equal tables"
+    assert (out / "tables.json").read_bytes() == tables, "equal results, equal tables"

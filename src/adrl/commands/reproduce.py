@@ -10,6 +10,8 @@ from adrl.comparison.reproduce import preset, reproduce
 from adrl.errors import ConfigError
 from adrl.report.reproduction_tables import PAGE_FILE, write_report
 
+RESULTS_FOLDER = "results"
+
 
 @dataclass(frozen=True, kw_only=True)
 class ReproduceOptions:
@@ -21,7 +23,9 @@ class ReproduceOptions:
     """10 seeds of every method in both scenarios, up to 3 hours on 2 cores."""
     out: Path | None = None
     """Folder of the runs; runs/reproduce-quick or -full when left out. The same command again goes on where it was
-    stopped. What figures and tables are made from, and they, go to its folder results."""
+    stopped."""
+    results: Path | None = None
+    """Folder of the figures, the tables and the small files that they are made from; OUT/results when left out."""
     workers: int = 0
     """Processes, each on a core of its own; 0 takes one for every usable core."""
     ray: str | None = None
@@ -41,15 +45,17 @@ def main(arguments: Sequence[str]) -> int:
         raise ConfigError("give one of --quick and --full")
     name = "full" if options.full else "quick"
     out = options.out or Path("runs") / f"reproduce-{name}"
+    results = options.results or out / RESULTS_FOLDER
     require_folder("--out", out)
+    require_folder("--results", results)
     comparisons = {
         scenario: replace(config, workers=options.workers, ray=options.ray)
         for scenario, config in preset(name).items()
     }
     with job_bar("reproducing") as show:
-        result = reproduce(comparisons, out, name=name, on_change=show)
-    for job, log in result.failed.items():
+        failed = reproduce(comparisons, out, results, name=name, on_change=show)
+    for job, log in failed.items():
         console().print(f"failed: {job}, see {log}", style="red")
-    write_report(result.results)
-    print(result.results / PAGE_FILE)
-    return 1 if result.failed else 0
+    write_report(results)
+    print(results / PAGE_FILE)
+    return 1 if failed else 0

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA_VERSION = 1
-RESULTS_FOLDER = "results"
 ROUTES = 3
 """Test tasks whose routes are drawn (Fig. 7)."""
 PLANNER_SEED = kept.NO_SEED
@@ -55,26 +54,19 @@ def preset(name: str) -> dict[str, CompareConfig]:
     }
 
 
-@dataclass(frozen=True)
-class Reproduction:
-    """What is there, and what is missing of it."""
-
-    results: Path
-    failed: dict[str, Path]
-    """Jobs whose process failed: scenario/name -> its log."""
-
-
 def reproduce(
     comparisons: Mapping[str, CompareConfig],
     out: Path,
+    results: Path,
     *,
     name: str,
     on_change: Callable[[int, int, int], None] | None = None,
-) -> Reproduction:
-    """Run what is not done yet, and write the kept results to out/results; see adrl.report.reproduction.
+) -> dict[str, Path]:
+    """Run what is not done yet, and write to the folder `results` what is kept; see adrl.report.reproduction.
 
-    comparisons: scenario -> its comparison, whose folder is out/SCENARIO. name: of the preset. on_change(done, running,
-    total) is told the progress over all of them. Raises AdrlError as compare does.
+    comparisons: scenario -> its comparison, whose folder is out/SCENARIO. name: the preset's. on_change(done, running,
+    total) is told the progress over all of them. Returns the jobs whose process failed: scenario/name -> its log.
+    Raises AdrlError as compare does.
     """
     placed = {scenario: replace(config, out=out / scenario) for scenario, config in comparisons.items()}
     jobs = {scenario: all_jobs(config) for scenario, config in placed.items()}
@@ -89,9 +81,8 @@ def reproduce(
 
         result = compare(config, tell)
         failed |= {f"{scenario}/{job}": log for job, log in result.failed.items()}
-    results = out / RESULTS_FOLDER
     keep(placed, results, name)
-    return Reproduction(results, failed)
+    return failed
 
 
 def keep(placed: Mapping[str, CompareConfig], results: Path, name: str) -> None:
