@@ -28,6 +28,7 @@ from adrl.commands.gazebo import ExportOptions as GazeboExportOptions
 from adrl.commands.gazebo import TransferOptions
 from adrl.commands.list import ListOptions
 from adrl.commands.report import ReportOptions
+from adrl.commands.reproduce import ReproduceOptions
 from adrl.comparison.config import CompareConfig
 from adrl.evaluation.results import read_episodes
 from adrl.evaluation.rollout import Rollout, rollout
@@ -50,6 +51,7 @@ OPTIONS: dict[str, Any] = {
     "gazebo transfer": TransferOptions,
     "gazebo export": GazeboExportOptions,
     "calibrate": CalibrateOptions,
+    "reproduce": ReproduceOptions,
     "bench sim": SimOptions,
     "bench plan": PlanOptions,
     "bench act": ActOptions,

@@ -18,6 +18,7 @@ COMMANDS = {
     "gazebo": "drive policies in Gazebo, measure the gap to our simulator, export worlds",
     "calibrate": "fit the simulator's base to recorded drives",
     "report": "write one HTML file of a run or a comparison: curves, tables, replays, failures",
+    "reproduce": "run the paper's experiments again: figures, tables and what does not reproduce",
     "collect": "record A*+DWA demonstrations as a Minari dataset",
     "export": "write a policy as an ONNX model, or for the C++ example",
     "bench": "measure the simulator, planners, a robot's step, the learner or Gazebo: sim, plan, act, learn, gazebo",
