@@ -9,6 +9,7 @@ PIP := $(PY) -m pip --quiet --quiet --disable-pip-version-check
 INSTALL := $(PIP) install -c constraints.txt
 
 CORE_FILES := $(shell find core -name '*.cpp' -o -name '*.hpp' -o -name '*.h')
+CXX_FILES := $(CORE_FILES) $(shell find examples -name '*.cpp' -o -name '*.hpp')
 BUILD_FILES := CMakeLists.txt $(filter-out core/tests/%,$(CORE_FILES))
 
 # Stamps: each is newer than what it was made from, so nothing is installed twice.
@@ -79,7 +80,7 @@ check: setup ## format, lint, types, import layers, C++ format and tests
 	@$(BIN)/ruff check --quiet
 	@$(BIN)/basedpyright
 	@$(BIN)/lint-imports --no-logo
-	@echo $(CORE_FILES) | xargs --no-run-if-empty $(BIN)/clang-format --dry-run --Werror
+	@echo $(CXX_FILES) | xargs --no-run-if-empty $(BIN)/clang-format --dry-run --Werror
 	@$(MAKE) --no-print-directory test-core
 
 test-core: $(TOOLS) ## C++ unit tests (Debian package doctest-dev)
@@ -98,7 +99,7 @@ test-core: $(TOOLS) ## C++ unit tests (Debian package doctest-dev)
 format: $(DEV) ## format Python and C++
 	@$(BIN)/ruff check --quiet --select I --fix
 	@$(BIN)/ruff format --quiet
-	@echo $(CORE_FILES) | xargs --no-run-if-empty $(BIN)/clang-format -i
+	@echo $(CXX_FILES) | xargs --no-run-if-empty $(BIN)/clang-format -i
 
 demo: $(CORE) ## train for a minute, evaluate on unseen worlds, draw pictures under runs/
 	@$(PY) -m adrl.demo

@@ -49,8 +49,8 @@ ADRL_CLONES void copy_ranges(const double *exact, int count, float *out) {
 } // namespace
 
 BatchSim::BatchSim(int num_envs, int num_threads, Robot robot, SimConfig config, SimBuffers buffers)
-    : num_envs_(num_envs), robot_(std::move(robot)), config_(config), b_(buffers), tasks_(num_envs),
-      pool_(num_threads) {}
+    : num_envs_(num_envs), robot_(std::move(robot)), config_(config), rules_(guide_rules(robot_.footprint, config)),
+      b_(buffers), tasks_(num_envs), pool_(num_threads) {}
 
 void BatchSim::reset(const std::uint8_t *mask) {
     pool_.run(num_envs_, [&](int first, int last) {
@@ -83,7 +83,8 @@ void BatchSim::plan(double *out) {
             const Task &task = *tasks_[i];
             const Pose pose = load_pose(b_.pose + 3 * i);
             const double along = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
-            const Vec2 target = visible_waypoint(task, {pose.x, pose.y}, along, config_.dwa_lookahead);
+            const Vec2 target = visible_waypoint(*task.world, task.path, rules_.corridor, {pose.x, pose.y}, along,
+                                                 config_.dwa_lookahead);
             const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
             const Twist command = dwa_command(*task.world, robot_.footprint, limits, config_.dwa, pose,
                                               {b_.twist[2 * i], b_.twist[2 * i + 1]}, target, b_.time[i], robot_.dt_s);
@@ -207,23 +208,17 @@ void BatchSim::sense(int i) {
 void BatchSim::guide(int i) {
     const Task &task = *tasks_[i];
     double &along = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
-    const Vec2 p{b_.pose[3 * i], b_.pose[3 * i + 1]};
-    const double window = 2.0 * std::max(config_.lookahead, config_.dwa_lookahead);
-    along = task.path.project(p, along, along + window);
-    b_.route_left[i] = task.path.length() - along + norm(task.path.at(along) - p);
-    const Vec2 waypoint = config_.lookahead > 0.0 ? visible_waypoint(task, p, along, config_.lookahead) : task.goal;
+    const Guided guided = follow_path(*task.world, task.path, rules_, {b_.pose[3 * i], b_.pose[3 * i + 1]}, along);
+    along = guided.along;
+    b_.route_left[i] = guided.left;
+    const Vec2 waypoint = rules_.lookahead > 0.0 ? guided.waypoint : task.goal;
     b_.waypoint[2 * i] = waypoint.x;
     b_.waypoint[2 * i + 1] = waypoint.y;
 }
 
-Vec2 BatchSim::visible_waypoint(const Task &task, Vec2 from, double along, double lookahead) const {
-    // A target that can be driven to in a straight line: a local planner cannot get stuck on the way to it.
-    const double radius = robot_.footprint.radius + 0.5 * config_.dwa.margin_m;
-    for (const double part : {1.0, 0.75, 0.55, 0.4, 0.3, 0.2}) {
-        const Vec2 target = task.path.at(along + part * lookahead);
-        if (corridor_free(*task.world, from, target, radius)) return target;
-    }
-    return task.path.at(along + 0.15 * lookahead);
+GuideRules guide_rules(const Footprint &footprint, const SimConfig &config) {
+    return {config.lookahead, 2.0 * std::max(config.lookahead, config.dwa_lookahead),
+            footprint.radius + 0.5 * config.dwa.margin_m};
 }
 
 } // namespace adrl

@@ -10,6 +10,7 @@
 #include "dwa.hpp"
 #include "kinematics.hpp"
 #include "path.hpp"
+#include "path_guide.hpp"
 #include "raycast.hpp"
 #include "thread_pool.hpp"
 #include "world.hpp"
@@ -81,6 +82,9 @@ struct SimConfig {
     DwaConfig dwa;
 };
 
+// How robots of this footprint are led along their paths.
+GuideRules guide_rules(const Footprint &footprint, const SimConfig &config);
+
 class BatchSim {
   public:
     BatchSim(int num_envs, int num_threads, Robot robot, SimConfig config, SimBuffers buffers);
@@ -105,11 +109,11 @@ class BatchSim {
     bool arrived(int i, Vec2 before) const;
     void sense(int i);
     void guide(int i);
-    Vec2 visible_waypoint(const Task &task, Vec2 from, double along, double lookahead) const;
 
     int num_envs_;
     Robot robot_;
     SimConfig config_;
+    GuideRules rules_;
     SimBuffers b_;
     std::vector<std::shared_ptr<const Task>> tasks_;
     ThreadPool pool_;

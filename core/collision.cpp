@@ -217,6 +217,10 @@ double clearance(const World &world, const DiscPlaces &discs, const Footprint &f
                                : polygon_clearance(world, discs, footprint, pose, limit);
 }
 
+double distance_to_point(const Footprint &footprint, Vec2 point) {
+    return footprint.is_disc() ? norm(point) - footprint.radius : to_point(place(footprint, {}), point);
+}
+
 bool corridor_free(const World &world, Vec2 from, Vec2 to, double radius) {
     constexpr double kLeastStep = 0.02; // metres; smaller steps only matter to a line that grazes an obstacle
     const Vec2 line = to - from;

@@ -20,6 +20,9 @@ inline constexpr int kMaxCorners = 16;
 double clearance(const World &world, const DiscPlaces &discs, const Footprint &footprint, const Pose &pose,
                  double limit);
 
+// Distance from the footprint's edge to a point in the robot's frame; 0 or less, of a polygon 0, when it is inside.
+double distance_to_point(const Footprint &footprint, Vec2 point);
+
 // Whether a disc can slide along the straight line from a to b without touching anything that stands still.
 bool corridor_free(const World &world, Vec2 from, Vec2 to, double radius);
 

@@ -1,6 +1,7 @@
 """What all tests share: a headless machine, and the data beside the repository."""
 
 import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -22,6 +23,18 @@ def shared_data() -> Path:
     path = Path(__file__).resolve().parents[2] / "shared" / "data"
     if not path.is_dir():
         message = "the folder shared/data is not beside the repository"
+        if IN_CI:
+            pytest.fail(message)
+        pytest.skip(message)
+    return path
+
+
+@pytest.fixture(scope="session")
+def chromium() -> str:
+    """The machine's Chromium. Absent: the test is skipped, in CI it fails."""
+    path = shutil.which("chromium") or shutil.which("chromium-browser")
+    if path is None:
+        message = "no chromium; on Debian: apt-get install chromium"
         if IN_CI:
             pytest.fail(message)
         pytest.skip(message)

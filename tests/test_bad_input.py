@@ -425,6 +425,6 @@ def test_a_discount_under_which_crashing_pays_is_refused(capsys):
     assert run_cli("train", "--steps", 64, "--td3.gamma", 0.99) == 2
     assert "failure_weight above 1.65" in capsys.readouterr().err
     assert run_cli("train", "--steps", 64, "--scenario", "clutter", "--map", "x.yaml") == 2
-    assert "give one of scenario, map and world" in capsys.readouterr().err
+    assert "give one of scenario, map, world and barn" in capsys.readouterr().err
     assert run_cli("train", "--steps", 64, "--method", "td3", "--dataset", "x") == 2
     assert "leave out dataset" in capsys.readouterr().err

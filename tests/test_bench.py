@@ -22,7 +22,7 @@ from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
-from adrl.types import RobotConfig
+from adrl.types import GUIDANCE, RobotConfig
 from map_files import write_map
 from small_run import run_cli
 
@@ -175,6 +175,14 @@ def test_a_policy_step_is_timed_without_the_warm_up(
     lasted = np.arange(21, 60, 2)  # s, of the steps after 20 of warm-up
     assert step["p50_ms"] == pytest.approx(1e3 * np.median(lasted))
     assert step["p99_ms"] == pytest.approx(1e3 * np.percentile(lasted, 99))
+
+
+def test_the_runtime_is_timed_for_every_guidance(tmp_path: Path) -> None:
+    assert run_cli("bench", "act", "--steps", 12, "--json", tmp_path / "act.json") == 0
+    results = json.loads((tmp_path / "act.json").read_text())
+    assert results["policy_step"]["steps"] == results["runtime"]["steps"] == 12
+    for guidance in GUIDANCE:
+        assert 0.0 < results["runtime"][guidance]["p50_ms"] <= results["runtime"][guidance]["p99_ms"]
 
 
 @pytest.mark.parametrize("seconds", [math.nan, math.inf, 0.0, -1.0])

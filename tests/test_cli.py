@@ -17,13 +17,18 @@ import pytest
 from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
 from adrl.cli import COMMANDS, main
-from adrl.commands.bench import GazeboOptions, LearnOptions, PlanOptions, SimOptions
+from adrl.commands.barn import BarnOptions
+from adrl.commands.bench import ActOptions, GazeboOptions, LearnOptions, PlanOptions, SimOptions
 from adrl.commands.calibrate import CalibrateOptions
 from adrl.commands.collect import CollectOptions
 from adrl.commands.evaluate import EvaluateOptions
+from adrl.commands.export import ExportOptions
 from adrl.commands.gazebo import EvaluateOptions as GazeboEvaluateOptions
-from adrl.commands.gazebo import ExportOptions, FilmOptions, TransferOptions
+from adrl.commands.gazebo import ExportOptions as GazeboExportOptions
+from adrl.commands.gazebo import FilmOptions, TransferOptions
 from adrl.commands.list import ListOptions
+from adrl.commands.report import ReportOptions
+from adrl.commands.reproduce import ReproduceOptions
 from adrl.comparison.config import CompareConfig
 from adrl.evaluation.results import read_episodes
 from adrl.evaluation.rollout import Rollout, rollout
@@ -37,22 +42,32 @@ OPTIONS: dict[str, Any] = {
     "train": RunConfig,
     "evaluate": EvaluateOptions,
     "collect": CollectOptions,
+    "barn": BarnOptions,
     "compare": CompareConfig,
+    "export": ExportOptions,
+    "report": ReportOptions,
     "list": ListOptions,
     "gazebo evaluate": GazeboEvaluateOptions,
     "gazebo transfer": TransferOptions,
     "gazebo film": FilmOptions,
-    "gazebo export": ExportOptions,
+    "gazebo export": GazeboExportOptions,
     "calibrate": CalibrateOptions,
+    "reproduce": ReproduceOptions,
     "bench sim": SimOptions,
     "bench plan": PlanOptions,
+    "bench act": ActOptions,
     "bench learn": LearnOptions,
     "bench gazebo": GazeboOptions,
 }
 UNITS = {"m": r"\bm\b", "seconds": r"\bs\b", "start": r"\(m\).*\(rad\)", "goal": r"\(m\)"}
 """What the help of an option whose name ends so must say."""
-SUPPRESSED = {"compare": {"method", "resume"}, "calibrate": {"drives"}}
-"""Options that a command sets itself, or takes without a name."""
+SUPPRESSED = {
+    "compare": {"method", "resume"},
+    "export": {"policy"},
+    "report": {"folder"},
+    "calibrate": {"drives"},
+}
+"""Options that a command sets itself, or that are given without their name."""
 METRICS = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")
 ABOUT = ("policy", "method", "robot", "scenario", "guidance", "split", "episodes")
 TRAINING = ("train_seconds", "env_steps", "gradient_updates")
@@ -118,7 +133,7 @@ class TestHelp:
         assert main(["bench"]) == 2
         shown = capsys.readouterr().out
         assert all(f"  {name}  " in shown for name in COMMANDS)
-        assert all(f"  {what} " in shown for what in ("sim", "plan", "learn", "gazebo"))
+        assert all(f"  {what} " in shown for what in ("sim", "plan", "act", "learn", "gazebo"))
 
     def test_help_imports_no_heavy_module(self) -> None:
         program = (

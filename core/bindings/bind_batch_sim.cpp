@@ -46,6 +46,32 @@ Robot make_robot(double radius, const In<double, Rows2> &corners, std::tuple<dou
             dt_s};
 }
 
+// A path in a world, and where on it one robot outside of a simulator is.
+class BoundGuide {
+  public:
+    BoundGuide(std::shared_ptr<World> world, const Robot &robot, const SimConfig &config, Path path)
+        : world_(std::move(world)), rules_(guide_rules(robot.footprint, config)), path_(std::move(path)) {}
+    std::tuple<std::tuple<double, double>, double> follow(double x, double y) {
+        require_finite({x, y}, "position");
+        const Guided guided = follow_path(*world_, path_, rules_, {x, y}, along_);
+        along_ = guided.along;
+        return {{guided.waypoint.x, guided.waypoint.y}, guided.left};
+    }
+
+  private:
+    std::shared_ptr<World> world_;
+    GuideRules rules_;
+    Path path_;
+    double along_ = 0.0;
+};
+
+std::unique_ptr<BoundGuide> make_guide(std::shared_ptr<World> world, const Robot &robot, const SimConfig &config,
+                                       const In<double, Rows2> &path) {
+    if (path.shape(0) < 1) throw nb::value_error("a path has at least one point");
+    require_all_finite(path, "path");
+    return std::make_unique<BoundGuide>(std::move(world), robot, config, Path(view(path)));
+}
+
 // The simulator with references to the caller's arrays.
 struct BoundSim {
     BatchSim sim;
@@ -138,6 +164,9 @@ void bind_batch_sim(nb::module_ &m) {
         .def_rw("lookahead_m", &SimConfig::lookahead)
         .def_rw("dwa_lookahead_m", &SimConfig::dwa_lookahead)
         .def_rw("dwa", &SimConfig::dwa);
+    nb::class_<BoundGuide>(m, "PathGuide")
+        .def(nb::new_(&make_guide), nb::arg("world"), nb::arg("robot"), nb::arg("config"), nb::arg("path").noconvert())
+        .def("follow", &BoundGuide::follow, nb::arg("x_m"), nb::arg("y_m"));
     nb::class_<BoundSim>(m, "BatchSim")
         .def(nb::new_(&make_sim), nb::arg("num_envs"), nb::arg("num_threads"), nb::arg("robot"), nb::arg("config"),
              nb::arg("buffers"))

@@ -176,6 +176,7 @@ void motion_cue_many(const MotionCue &cue, const In<float, nb::shape<-1, -1>> &r
 } // namespace
 
 void bind_batch_sim(nb::module_ &m);
+void bind_braking(nb::module_ &m);
 void bind_replanner(nb::module_ &m);
 
 NB_MODULE(_core, m) {
@@ -201,5 +202,6 @@ NB_MODULE(_core, m) {
         .def("compute", &motion_cue_many, nb::arg("ranges").noconvert(), nb::arg("poses").noconvert(),
              nb::arg("past_ranges").noconvert(), nb::arg("past_poses").noconvert(), nb::arg("out").noconvert());
     bind_batch_sim(m);
+    bind_braking(m);
     bind_replanner(m);
 }

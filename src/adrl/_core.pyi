@@ -124,6 +124,12 @@ class SimConfig:
     dwa_lookahead_m: float
     dwa: DwaConfig
 
+class PathGuide:
+    """Leads one robot along a path (P, 2) as BatchSim leads its own; remembers how far it has come."""
+    def __init__(self, world: World, robot: Robot, config: SimConfig, path: F64) -> None: ...
+    def follow(self, x_m: float, y_m: float) -> tuple[tuple[float, float], float]:
+        """The waypoint (x, y) for a robot at (x_m, y_m), and the metres left to the path's end."""
+
 class BatchSim:
     """N robots stepped at once. buffers: arrays owned by the caller, row i for robot i: command (N, 2), active (N) u8,
     seed (N) u64, params (N, NUM_PARAMS), ranges (N, K) f32, pose (N, 3), odometry (N, 3), twist (N, 2), clearance (N),
@@ -149,6 +155,20 @@ class BatchSim:
         ones have arrived, their clearance and guidance."""
     def plan(self, out: F64) -> None:
         """A*+DWA: write a command (v, w) for every active robot into out (N, 2)."""
+
+class Braking:
+    """How a base responds to commands and comes to rest; see braking.hpp. response: greatest acceleration and yaw
+    acceleration, lag_s. orders (S, 3): speed, yaw rate and seconds of each command, executed one after the other."""
+    def __init__(
+        self, radius_m: float, footprint: F64, response: tuple[float, float, float], dt_s: float
+    ) -> None: ...
+    def roll(
+        self, pose: tuple[float, float, float], twist: tuple[float, float], orders: F64
+    ) -> tuple[tuple[float, float, float], tuple[float, float]]:
+        """Pose and twist after the orders."""
+    def stays_clear(self, twist: tuple[float, float], orders: F64, hits: F64) -> bool:
+        """Whether the robot, at the origin, executes the orders and then brakes without coming nearer to a hit (x, y,
+        margin), rows of (M, 3), than its margin, or than it is where that is less. Hits inside it are passed over."""
 
 class Evidence:
     """Log-odds of the robots' own maps: a cell above 0 is solid, 0 has never been seen. -127 to 127."""

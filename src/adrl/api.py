@@ -13,15 +13,17 @@ from adrl import files
 from adrl.agents.config import TrainConfig
 from adrl.baselines.planner import AStarDwaPolicy
 from adrl.deploy.policy import DEFAULT, MlpPolicy, load_policy, resolve_policy
+from adrl.deploy.setup import Setup, setup_of
 from adrl.envs import Body, NavSim
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.results import RunMeta, Summary, summarise, write_episodes
 from adrl.evaluation.rollout import PrivilegedPolicy, Rollout, rollout
-from adrl.observation import EncoderConfig, ObservationEncoder
+from adrl.evaluation.traces import TRACES_FILE, Recorder, write_traces
 from adrl.planning.replanner_config import ReplannerConfig
+from adrl.rewards import RewardConfig
 from adrl.runs import RunConfig, train
 from adrl.types import Policy, RobotConfig, Scenario, Task
-from adrl.worlds import get_scenario, load_robot, robot_from_fields, task_set
+from adrl.worlds import get_scenario, load_robot, task_set
 
 __all__ = ["DEFAULT", "Evaluation", "RunConfig", "TrainConfig", "evaluate", "load_policy", "train"]
 
@@ -64,8 +66,8 @@ def evaluate(
     training when None. seed: changes the noise only. record: tasks whose routes are kept. replanner: constants of
     guidance `replan`, those of the training when None. paper_literal: with these, its equations as printed. tasks:
     instead of those of the split. make_body: makes what moves the robots instead of our simulator, for as long as it is
-    needed: adrl.integrations.gazebo.Gazebo. on_drive: see rollout. out: folder for episodes.parquet and
-    summary.json. Raises AdrlError.
+    needed: adrl.integrations.gazebo.Gazebo. on_drive: see rollout. out: folder for episodes.parquet, summary.json and
+    traces.safetensors, the course of some episodes and of the first failures, for adrl report. Raises AdrlError.
     """
     if episodes < 1:
         raise ConfigError(f"episodes is {episodes}; give 1 or more")
@@ -75,28 +77,30 @@ def evaluate(
     if isinstance(policy, (str, Path)) and str(policy) != PLANNER:
         policy = load_policy(resolve_policy(policy))
     place = get_scenario(scenario)
-    driver, about, encoder, config = _driver(policy, robot, guidance)
+    driver, about, setup, config = _driver(policy, robot, guidance)
     if paper_literal and about["guidance"] != "replan":
         raise ConfigError(
             f"paper_literal sets the equations of guidance replan, and guidance is {about['guidance']}; give replan"
         )
-    constants = replanner or _replanner_of(driver) or ReplannerConfig()
+    constants = replanner or (setup.replanner if setup else ReplannerConfig())
     if tasks is None:
         tasks = task_set(place, config, split, episodes)
     else:
         split = OWN_TASKS
+    recorder = None if out is None else _recorder(driver)
     with make_body(config) if make_body is not None else nullcontext() as body:
         result = rollout(
             driver,
             tasks,
             config,
             guidance=about["guidance"],
-            encoder=encoder,
+            encoder=setup.encoder if setup else None,
             replanner=constants.literal() if paper_literal else constants,
             maturity=driver.config.maturity if isinstance(driver, MlpPolicy) else 0.0,
             seed=seed,
             num_threads=num_threads,
             record=record,
+            recorder=recorder,
             on_step=on_step,
             body=body,
             on_drive=on_drive,
@@ -104,29 +108,31 @@ def evaluate(
     simulator = "native" if body is None else type(body).__name__.lower()
     meta = RunMeta(**about, robot=config.name, scenario=place.name, split=split, simulator=simulator)
     summary = summarise(result.episodes, meta)
-    if out is not None:
+    if out is not None and recorder is not None:
         out.mkdir(parents=True, exist_ok=True)
         write_episodes(out / "episodes.parquet", result.episodes)
+        write_traces(out / TRACES_FILE, recorder.traces())
         files.write_json(out / "summary.json", summary)
     return Evaluation(summary=summary, rollout=result, tasks=tasks)
 
 
-def _replanner_of(driver: Policy | PrivilegedPolicy) -> ReplannerConfig | None:
-    """The replanner's constants that the policy was trained with, if it says so. Raises CheckpointError."""
-    extra = driver.config.extra if isinstance(driver, MlpPolicy) else {}
-    saved = extra.get("environment", {}).get("replanner")
+def _recorder(driver: Policy | PrivilegedPolicy) -> Recorder:
+    """A recorder with the reward that the policy was trained with, if it says so. Raises CheckpointError."""
+    if not isinstance(driver, MlpPolicy):
+        return Recorder()
+    saved = driver.config.extra.get("reward", {})
     try:
-        return None if saved is None else ReplannerConfig(**saved)
-    except TypeError as error:
-        raise CheckpointError(
-            f"bad replanner in the policy's config.json ({error}); restore the file"
-        ) from None
+        maturity = saved.get("maturity")
+        maturity = driver.config.maturity if maturity is None else float(maturity)
+        return Recorder(RewardConfig(**saved.get("constants", {})), maturity)
+    except (AttributeError, TypeError, ValueError) as error:
+        raise CheckpointError(f"bad reward in the policy's config.json ({error}); restore the file") from None
 
 
 def _driver(
     policy: Any, robot: str | RobotConfig | None, guidance: str | None
-) -> tuple[Policy | PrivilegedPolicy, dict[str, Any], EncoderConfig | None, RobotConfig]:
-    """The policy itself, what the summary says of it, its encoder and its robot."""
+) -> tuple[Policy | PrivilegedPolicy, dict[str, Any], Setup | None, RobotConfig]:
+    """The policy itself, what the summary says of it, what it was trained with and the robot it drives."""
     named = load_robot(robot) if isinstance(robot, str) else robot
     if policy == PLANNER:
         about = {"policy": PLANNER, "method": PLANNER, "guidance": guidance or "map"}
@@ -135,7 +141,7 @@ def _driver(
         about = {"policy": type(policy).__name__, "method": "external", "guidance": guidance or "goal"}
         return policy, about, None, named or load_robot("diffbot")
     config = policy.config
-    trained_on = robot_from_fields(config.robot)
+    setup = setup_of(policy)
     extra = config.extra
     about = {
         "policy": str(extra.get("run", "policy")),
@@ -145,23 +151,11 @@ def _driver(
         "env_steps": extra.get("env_steps"),
         "gradient_updates": extra.get("gradient_updates"),
     }
-    try:
-        encoder = EncoderConfig(**config.encoder)
-    except TypeError as error:
-        raise CheckpointError(
-            f"policy {about['policy']!r}: bad encoder in config.json ({error}); restore the file"
-        ) from None
-    size = ObservationEncoder(trained_on, encoder).size
-    if size != config.input_size:
-        raise CheckpointError(
-            f"policy {about['policy']!r}: config.json has an encoder of {size} numbers and weights for "
-            f"{config.input_size}; restore the file"
-        )
-    return policy, about, encoder, named or trained_on
+    return policy, about, setup, named or setup.robot
 
 
 def robot_of(policy: str | Path) -> str | RobotConfig:
     """The robot a policy drives when none is named. Raises CheckpointError."""
     if str(policy) == PLANNER:
         return "diffbot"
-    return robot_from_fields(load_policy(resolve_policy(policy)).config.robot)
+    return setup_of(load_policy(resolve_policy(policy))).robot

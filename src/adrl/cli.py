@@ -14,10 +14,14 @@ COMMANDS = {
     "train": "train a policy",
     "evaluate": "drive a policy on fixed tasks and report success, time and distance with intervals",
     "compare": "train and evaluate many methods with many seeds, and compare them in one table",
+    "barn": "drive a policy in worlds of the BARN benchmark and score it",
     "gazebo": "drive policies in Gazebo, measure the gap to our simulator, export worlds",
     "calibrate": "fit the simulator's base to recorded drives",
+    "report": "write one HTML file of a run or a comparison: curves, tables, replays, failures",
+    "reproduce": "run the paper's experiments again: figures, tables and what does not reproduce",
     "collect": "record A*+DWA demonstrations as a Minari dataset",
-    "bench": "measure the simulator (sim), the planners (plan), the learner (learn) or Gazebo (gazebo)",
+    "export": "write a policy as an ONNX model, or for the C++ example",
+    "bench": "measure the simulator, planners, a robot's step, the learner or Gazebo: sim, plan, act, learn, gazebo",
     "list": "list robots, scenarios, methods and policies",
 }
 

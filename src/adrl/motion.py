@@ -1,6 +1,6 @@
 """What moves around a robot: scans of the last control periods, and the comparison of the newest with the oldest."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,34 @@ class ScanHistory:
         return out
 
 
+class CueSettings(NamedTuple):
+    """The arguments of _core.MotionCue, which has the same names."""
+
+    num_beams: int
+    angle_min_rad: float
+    angle_increment_rad: float
+    mount: tuple[float, float, float]
+    max_range_m: float
+    num_sectors: int
+    margin_m: float
+    scale_m: float
+
+
+def cue_settings(robot: RobotConfig, num_sectors: int, steps: int) -> CueSettings:
+    """How a robot compares two scans `steps` control periods apart."""
+    lidar = robot.lidar
+    return CueSettings(
+        num_beams=lidar.num_beams,
+        angle_min_rad=lidar.angle_min_rad,
+        angle_increment_rad=lidar.angle_increment_rad,
+        mount=(lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad),
+        max_range_m=lidar.max_range_m,
+        num_sectors=num_sectors,
+        margin_m=ROUNDING_M + 3.0 * lidar.noise_std_m,
+        scale_m=steps * robot.control_period_s * robot.max_speed_mps,
+    )
+
+
 def motion_cue(robot: RobotConfig, num_sectors: int, steps: int) -> "_core.MotionCue":
     """The comparison of two scans `steps` control periods apart, a number in [-1, 1] a sector.
 
@@ -57,14 +85,4 @@ def motion_cue(robot: RobotConfig, num_sectors: int, steps: int) -> "_core.Motio
     gone, and this much has become free. 0: nothing moved, or an obstacle hid it. The robot's own motion is taken out
     by its odometry, so that still surroundings read 0 up to noise while it drives and turns.
     """
-    lidar = robot.lidar
-    return _core.MotionCue(
-        lidar.num_beams,
-        lidar.angle_min_rad,
-        lidar.angle_increment_rad,
-        (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad),
-        lidar.max_range_m,
-        num_sectors,
-        ROUNDING_M + 3.0 * lidar.noise_std_m,
-        steps * robot.control_period_s * robot.max_speed_mps,
-    )
+    return _core.MotionCue(*cue_settings(robot, num_sectors, steps))

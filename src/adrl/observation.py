@@ -92,6 +92,20 @@ class ObservationEncoder:
         return self.config.num_sectors + GOAL_FEATURES + TWIST_FEATURES + ACTION_FEATURES + cues
 
     @property
+    def extent_m(self) -> F32:
+        """(S,) distance from the LiDAR to the footprint's edge in the middle of each sector."""
+        return self._extent
+
+    @property
+    def beams_of_sectors(self) -> NDArray[np.int32]:
+        """(S, L) numbers of the beams in each sector, some more than once; num_beams where there is none."""
+        parts = np.split(self._order, self._first[1:])
+        table = np.full((self.config.num_sectors, max(map(len, parts))), self.robot.lidar.num_beams, np.int32)
+        for sector, beams in zip(self._covered, parts, strict=True):
+            table[sector] = np.resize(beams, table.shape[1])
+        return table
+
+    @property
     def mirror(self) -> Mirror | None:
         """Left for right; None for a robot whose body or LiDAR is not symmetric."""
         sectors, lidar = self.config.num_sectors, self.robot.lidar

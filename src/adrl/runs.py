@@ -24,7 +24,7 @@ from adrl.errors import ConfigError, UnknownName
 from adrl.evaluation.metrics import success_rate
 from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Demonstrations, Source, collect, load_minari
-from adrl.imitation.probe import Probe, probe_steps, record_probe
+from adrl.imitation.probe import probe_steps, record_probe
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards.config import STANDING_AT_WORST
@@ -36,7 +36,8 @@ from adrl.worlds.place import Place
 if TYPE_CHECKING:
     from adrl.agents.train import Progress, TrainResult
 
-PROBE_STATES = 64
+PROBE_STATES = 32
+"""Each is driven from twice: at random, and by the expert."""
 VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "gymnasium", "safetensors")
 
 
@@ -70,7 +71,7 @@ class RunConfig(Place):
     """Worlds to train in, the first ones of the training split."""
     task_priority: float = 1.0
     """Draw tasks that failed lately more often: chances are 0.1 + task_priority * failure rate; 0 for all alike."""
-    demonstration_steps: int = 20_000
+    demonstration_steps: int = 10_000
     """Environment steps of A*+DWA demonstrations to collect."""
     dataset: Path | None = None
     """Minari dataset of demonstrations to use instead of collecting them."""
@@ -183,7 +184,11 @@ def _train(
     demonstrations = _demonstrations(config, env) if learner.schedule.imitates else None
     demonstrated_s = time.monotonic()
     probed = learner.measures_maturity and learner.schedule.needs_probe
-    probe = _probe(make_env(PROBE_STATES, randomize=False), learner) if probed else None
+    probe = None
+    if probed:
+        # Few tasks: a random policy's crashes would call for ever new ones, each to be made.
+        probe_env = make_env(2 * PROBE_STATES, randomize=False, task_pool=min(config.task_pool, PROBE_STATES))
+        probe = record_probe(probe_env, learner.seed, probe_steps(learner.td3.gamma))
     setup = {
         "demonstration_seconds": demonstrated_s - began_s,
         "probe_seconds": time.monotonic() - demonstrated_s,
@@ -232,10 +237,6 @@ def with_horizon_of(learner: TrainConfig, robot: RobotConfig) -> TrainConfig:
     return replace(learner, td3=replace(learner.td3, gamma=gamma))
 
 
-def _probe(env: NavVectorEnv, learner: TrainConfig) -> Probe:
-    return record_probe(env, learner.seed, probe_steps(learner.td3.gamma))
-
-
 def run_folder(config: RunConfig, scenario: Scenario) -> Path:
     """Where the run goes."""
     name = scenario.name.replace(":", "-")
@@ -269,6 +270,7 @@ def about_policy(
     setup_seconds: wall clock of what came before the first update, told apart.
     """
     run = asdict(replace(config, robot=robot.name))
+    learner = config.resolved()
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next
         widths=config.learner.td3.widths,
@@ -288,6 +290,11 @@ def about_policy(
                 "replanner": asdict(config.resolved_replanner()),
             },
             "run": out.name,
+            # Of the weights that a replay shows; maturity None: the policy's own.
+            "reward": {
+                "constants": asdict(learner.reward),
+                "maturity": None if learner.dynamic_reward else learner.static_maturity,
+            },
             **(setup_seconds or {}),
             "scenario": scenario.name,
             "settings": json.loads(json.dumps(run, default=str)),

@@ -176,15 +176,28 @@ def test_the_returned_actor_survives_the_next_update():
     assert_array_equal(actor, before)
 
 
-def test_the_averaged_actor_forgets_its_start():
-    """Polynomial-decay averaging by hand: share 4 / (t + 3) of the t-th actor, 1 of the first."""
+def test_averages_and_targets_forget_their_start():
+    """Polynomial-decay averaging by hand: share 16 / (t + 15) of the t-th network, 1 of the first."""
     update, state = make_update(SHAPE), fresh()
-    expected = np.zeros_like(np.asarray(state.actor))
+    expected = [np.zeros_like(np.asarray(network)) for network in (state.actor, state.critics)]
     for t in range(1, 7):
-        state, actor, _ = update(state, random_batch(t, (1, 2)), None, PLAIN)
-        expected += 4.0 / (t + 3.0) * (np.asarray(actor) - expected)
-    assert np.abs(expected - np.asarray(state.actor)).max() > 1e-4
-    assert_allclose(state.average_actor, expected, rtol=1e-4, atol=1e-6)
+        state, _, _ = update(state, random_batch(t, (1, 2)), None, PLAIN)
+        for average, network in zip(expected, (state.actor, state.critics), strict=True):
+            average += 16.0 / (t + 15.0) * (np.asarray(network) - average)
+    assert np.abs(expected[0] - np.asarray(state.actor)).max() > 1e-4
+    assert_allclose(state.average_actor, expected[0], rtol=1e-4, atol=1e-6)
+    assert_allclose(state.target_actor, expected[0], rtol=1e-4, atol=1e-6)
+    assert_allclose(state.target_critics, expected[1], rtol=1e-4, atol=1e-6)
+
+
+def test_averages_and_targets_follow_exponentially_in_the_end():
+    """Long after the start a target takes over its share, and not less."""
+    update, state = make_update(SHAPE), fresh()
+    state = state._replace(actor_adam=state.actor_adam._replace(steps=jnp.float32(1e5)))
+    old = np.array(state.target_critics)
+    state, _, _ = update(state, random_batch(1, (1, 2)), None, PLAIN)
+    moved = np.asarray(state.target_critics) - old
+    assert_allclose(moved, CONFIG.polyak * (np.asarray(state.critics) - old), rtol=1e-3, atol=1e-7)
 
 
 @pytest.mark.parametrize("layer_norm", [True, False])

@@ -21,7 +21,9 @@ from env_tasks import OneTask, straight_task
 if os.environ.get("CI") != "true":
     pytest.importorskip("stable_baselines3")
 
-from adrl.baselines.sb3 import ALGORITHMS, Sb3VecEnv, make_model, to_policy, train_sb3
+import torch
+
+from adrl.baselines.sb3 import ALGORITHMS, Sb3VecEnv, make_model, mean_q, promised, to_policy, train_sb3
 
 NUM_ENVS = 8
 FORWARD, STOP = (1.0, 0.0), (-1.0, 0.0)
@@ -116,19 +118,42 @@ def test_the_policy_in_numpy_is_the_model(algorithm: str) -> None:
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_what_the_critic_says_is_what_the_library_predicts(algorithm: str) -> None:
+    """Slow twins: the value of the deterministic action, one state at a time."""
+    env = world(5.0)
+    model: Any = make_model(algorithm, env, small())
+    states = (
+        np.random.default_rng(1)
+        .standard_normal((5, to_policy(model, PolicyConfig(input_size=1, widths=(1,))).config.input_size))
+        .astype(np.float32)
+    )
+    expected = []
+    for state in states:
+        tensor = torch.as_tensor(state[None])
+        if algorithm == "PPO":
+            expected.append(model.policy.predict_values(tensor).item())
+        else:
+            action, _ = model.predict(state, deterministic=True)
+            expected.append(model.critic.q1_forward(tensor, torch.as_tensor(action[None])).item())
+    assert promised(model, states) == pytest.approx(np.mean(expected), abs=1e-5)
+    assert mean_q(model) is None, "nothing has been learnt or seen yet"
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_a_run_leaves_a_policy_and_rows(algorithm: str, tmp_path: Path) -> None:
-    """Four updates for each step of the environment once it has started; evaluations cost no wall clock."""
+    """Updates are counted as they are made; evaluations cost no wall clock; every row says what the critic says."""
     pause_s = 0.15
     asked: list[Any] = []
+    env = world(5.0)
+    start = env.reset()[0]
 
     def evaluate(policy: Any, maturity: float) -> Validation:
         asked.append(policy)
         time.sleep(pause_s)
-        return Validation(success=0.5, start=np.zeros((1, 1), np.float32), discounted_return=0.0)
+        return Validation(success=0.5, start=start, discounted_return=0.25)
 
     config = small(eval_interval_steps=128)
     began_s = time.monotonic()
-    env = world(5.0)
     env.maturity = 0.25
     result = train_sb3(
         algorithm,
@@ -137,6 +162,7 @@ def test_a_run_leaves_a_policy_and_rows(algorithm: str, tmp_path: Path) -> None:
         tmp_path,
         policy_config=PolicyConfig(input_size=1, widths=(1,)),
         evaluate=evaluate,
+        tuned={"n_steps": 8, "batch_size": 16} if algorithm == "PPO" else None,
     )
     took_s = time.monotonic() - began_s
     rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
@@ -145,8 +171,13 @@ def test_a_run_leaves_a_policy_and_rows(algorithm: str, tmp_path: Path) -> None:
     assert [policy.config.maturity for policy in [*asked, result.policy]] == [0.25] * 5
     assert result.train_seconds <= took_s - 4 * pause_s
     assert rows[-1]["wall_s"] <= result.train_seconds
-    # The first updates follow the first step past start_steps.
-    assert (result.env_steps, result.updates) == (512, 4 * (64 - 10))
+    # Four for each step of the environment, first after the first step past start_steps. PPO: ten passes over each of
+    # eight rollouts of 64 rows.
+    assert (result.env_steps, result.updates) == (512, 8 * 10 * 4 if algorithm == "PPO" else 4 * (64 - 10))
+    known = rows if algorithm == "PPO" else rows[2:]
+    assert all(np.isfinite(row["q_mean"]) for row in known)
+    for row in rows[1::2]:
+        assert row["overestimation"] == pytest.approx(row["q_start"] - 0.25)
     policy = load_policy(tmp_path)
     assert policy.config.extra["gradient_updates"] == result.updates
     observation = np.ones((3, policy.config.input_size), np.float32)

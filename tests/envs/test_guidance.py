@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.envs import NavVectorEnv
-from adrl.envs.nav_sim import LOOKAHEAD_M
 from adrl.observation import to_action
+from adrl.planning.path_guide import LOOKAHEAD_M
 from adrl.rewards import REWARD_TERMS, RewardConfig, reward
 from adrl.rewards.terms import HEADING_DECAY, HEADING_GAIN_M, reference_period_s
 from adrl.types import Array, RobotConfig, Task

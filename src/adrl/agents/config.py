@@ -40,7 +40,7 @@ class Td3Config:
     critic_learning_rate: float = 1e-3
     """The same for the critics."""
     polyak: float = 0.01
-    """Share of the new weights a target network takes over at each actor update."""
+    """Share of the new weights a target network takes over at each actor update; more in the first 1,600 of them."""
     actor_average: float = 0.0025
     """Share of the new actor that the averaged one takes over at each actor update. The average is what is
     evaluated and saved: single actors of a run differ by many points of success, their average does not."""
@@ -85,7 +85,7 @@ class TrainConfig:
     """Transitions kept; about 0.4 kB each."""
     start_steps: int = 2048
     """Environment steps before the first online update."""
-    pretrain_updates: int = 500
+    pretrain_updates: int = 100
     """Updates on demonstrations alone before the first environment step; the actor only clones."""
     critic_warmup_updates: int = 0
     """Online updates during which the actor only clones: a cold critic would undo what was cloned."""
@@ -133,7 +133,7 @@ class TrainConfig:
     @property
     def measures_maturity(self) -> bool:
         """Whether S matters: to the reward's weights, or to the release of the expert."""
-        return self.dynamic_reward or self.schedule.imitates
+        return self.dynamic_reward or self.schedule.releases
 
     def literal(self) -> Self:
         """The same constants with every equation as printed."""

@@ -11,6 +11,8 @@ from adrl.agents.config import TrainConfig
 from adrl.errors import UnknownName
 
 FOR_EVER = 2**31
+FIXED_LAMBDA = 0.3
+"""Cloning weight of the controls that never release it; with 1 they learn later."""
 
 
 def adrl(config: TrainConfig) -> TrainConfig:
@@ -49,8 +51,8 @@ def rl_reward(config: TrainConfig) -> TrainConfig:
 
 
 def rl_bc(config: TrainConfig) -> TrainConfig:
-    """The paper's ablation: TD3 on the static reward with a cloning weight that stays at lambda_max."""
-    return replace(_fixed(config, alpha=0.0, lambda_bc=config.schedule.lambda_max), dynamic_reward=False)
+    """The paper's ablation: TD3 on the static reward with a cloning weight that stays."""
+    return replace(_fixed(config, alpha=0.0, lambda_bc=FIXED_LAMBDA), dynamic_reward=False)
 
 
 def td3(config: TrainConfig) -> TrainConfig:
@@ -83,7 +85,7 @@ def rlpd(config: TrainConfig) -> TrainConfig:
 def q_filter(config: TrainConfig) -> TrainConfig:
     """After Nair et al. 2018: a fixed cloning weight, only where the critic prefers the expert's action."""
     return replace(
-        _fixed(config, alpha=0.25, lambda_bc=config.schedule.lambda_max),
+        _fixed(config, alpha=0.25, lambda_bc=FIXED_LAMBDA),
         dynamic_reward=False,
         td3=replace(config.td3, q_filter=True),
     )

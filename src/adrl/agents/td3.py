@@ -21,7 +21,7 @@ from adrl.rewards import RewardConfig
 Array = jax.Array
 
 BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-8
-AVERAGE_POWER = 3.0
+AVERAGE_POWER = 15.0
 """eta of polynomial-decay averaging (Shamir and Zhang 2013): step t takes a share (1 + eta) / (t + eta)."""
 
 
@@ -111,18 +111,14 @@ def make_update(shape: Shape) -> Update:
             state.actor, state.critics, batch.observation, expert, weights, shape
         )
         actor, adam = _adam(state.actor, gradient, state.actor_adam, shape.td3.actor_learning_rate)
-        # At first over the last quarter of the steps or so, so that the poor start is forgotten; then exponential.
-        share = jnp.maximum(shape.td3.actor_average, (1.0 + AVERAGE_POWER) / (adam.steps + AVERAGE_POWER))
-        average = state.average_actor + share * (actor - state.average_actor)
+        average = _follow(state.average_actor, actor, shape.td3.actor_average, adam.steps)
         return state._replace(actor=actor, actor_adam=adam, average_actor=average)
 
     def update_targets(state: LearnerState) -> LearnerState:
-        def follow(target: Array, new: Array) -> Array:
-            return target + shape.td3.polyak * (new - target)
-
+        polyak, steps = shape.td3.polyak, state.actor_adam.steps
         return state._replace(
-            target_actor=follow(state.target_actor, state.actor),
-            target_critics=follow(state.target_critics, state.critics),
+            target_actor=_follow(state.target_actor, state.actor, polyak, steps),
+            target_critics=_follow(state.target_critics, state.critics, polyak, steps),
         )
 
     def update(
@@ -170,6 +166,13 @@ def make_q_of_average(shape: Shape) -> Callable[[LearnerState, Array], Array]:
         return networks.first_critic(state.critics, observation, action, shape.critic, layer_norm).mean()
 
     return jax.jit(q_of_average)
+
+
+def _follow(average: Array, new: Array, share: float, steps: Array) -> Array:
+    """The average after actor update number `steps`: exponential in the end, and until then over the last sixteenth of
+    the updates or so. Networks that know nothing yet are soon forgotten."""
+    share_now = jnp.maximum(share, (1.0 + AVERAGE_POWER) / (steps + AVERAGE_POWER))
+    return average + share_now * (new - average)
 
 
 def _adam(parameters: Array, gradient: Array, adam: Adam, learning_rate: float) -> tuple[Array, Adam]:

@@ -1,14 +1,15 @@
-"""Stable-Baselines3's TD3 and SAC on the same environment, observation, action and reward as our learner.
+"""Stable-Baselines3's TD3, SAC and PPO on the same environment, observation, action and reward as our learner.
 
-Ours are widths, batch, learning rate, discount, n-step targets and how fast they follow, replay, steps before the first
-update, and gradient updates for each step of the vector environment; all else is the library's. With its own one-step
+Ours are widths, discount and, for TD3 and SAC, batch, learning rate, n-step targets and how fast they follow, replay,
+steps before the first update, and gradient updates for each step of the vector environment. Some constants of SAC and
+PPO were tuned (baselines/tuned.py); all else is the library's. With its own one-step
 targets TD3 had 12 % on `clutter` after 5,900 updates, with these 95 %. Mirrored batches, rows that lead to failures,
 critics with LayerNorm, noise that differs from robot to robot and the averaged actor are our learner's alone, in every
 method of it: a lead over these baselines is not due to imitation only.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from adrl.agents.config import TrainConfig
 from adrl.agents.interface import Evaluate
 from adrl.agents.metrics import EpisodeTally, MetricsLog, crossed, spent_fraction
 from adrl.baselines import require_sb3
+from adrl.baselines.tuned import TUNED
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError, UnknownName
@@ -27,15 +29,16 @@ from adrl.errors import ConfigError, UnknownName
 require_sb3()
 
 import torch  # noqa: E402
-from stable_baselines3 import SAC, TD3  # noqa: E402
+from stable_baselines3 import PPO, SAC, TD3  # noqa: E402
+from stable_baselines3.common.base_class import BaseAlgorithm  # noqa: E402
 from stable_baselines3.common.callbacks import BaseCallback  # noqa: E402
 from stable_baselines3.common.noise import NormalActionNoise  # noqa: E402
-from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm  # noqa: E402
+from stable_baselines3.common.policies import ActorCriticPolicy  # noqa: E402
 from stable_baselines3.common.vec_env import VecEnv  # noqa: E402
 
 F32 = NDArray[np.float32]
 
-ALGORITHMS: dict[str, type[OffPolicyAlgorithm]] = {"TD3": TD3, "SAC": SAC}
+ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"TD3": TD3, "SAC": SAC, "PPO": PPO}
 EXPLORATION_STD = 0.2
 """Standard deviation of TD3's action noise: about the middle of ours. SAC explores by itself."""
 ENDLESS = 2**62
@@ -108,40 +111,110 @@ class Sb3Result:
     train_seconds: float
 
 
-def make_model(algorithm: str, env: NavVectorEnv, config: TrainConfig) -> OffPolicyAlgorithm:
-    """An untrained model with our learner's sizes, on one thread. Raises UnknownName."""
+class TanhMeanPolicy(ActorCriticPolicy):
+    """The library's policy for PPO with tanh on the mean action, as TD3's and SAC's actors have it.
+
+    The library's own mean is unbounded and cut off by the environment. So all actors have one form, and what drives a
+    robot is the same network.
+    """
+
+    def _build(self, lr_schedule: Any) -> None:
+        super()._build(lr_schedule)
+        self.action_net = torch.nn.Sequential(self.action_net, torch.nn.Tanh())
+
+
+def make_model(
+    algorithm: str, env: NavVectorEnv, config: TrainConfig, tuned: Mapping[str, Any] | None = None
+) -> BaseAlgorithm:
+    """An untrained model with our learner's sizes, on one thread. Raises UnknownName.
+
+    tuned: constructor's arguments instead of those of TUNED.
+    """
     if algorithm not in ALGORITHMS:
         raise UnknownName("algorithm", algorithm, ALGORITHMS)
     torch.set_num_threads(1)
+    kind: Any = ALGORITHMS[algorithm]  # each has a constructor of its own
+    policy = TanhMeanPolicy if algorithm == "PPO" else "MlpPolicy"
+    options = _on_policy(config) if algorithm == "PPO" else _off_policy(algorithm, config)
+    options |= TUNED[algorithm] if tuned is None else tuned
+    return kind(policy, Sb3VecEnv(env), gamma=config.td3.gamma, seed=config.seed, device="cpu", **options)
+
+
+def _off_policy(algorithm: str, config: TrainConfig) -> dict[str, Any]:
     noise = NormalActionNoise(np.zeros(2), np.full(2, EXPLORATION_STD)) if algorithm == "TD3" else None
-    return ALGORITHMS[algorithm](
-        "MlpPolicy",  # pyright: ignore[reportArgumentType]  # each algorithm has its own
-        Sb3VecEnv(env),
-        learning_rate=config.td3.critic_learning_rate,
-        buffer_size=config.replay_capacity,
-        learning_starts=config.start_steps,
-        batch_size=config.td3.batch_size,
-        gamma=config.td3.gamma,
-        train_freq=1,
-        gradient_steps=config.updates_per_iteration,
-        n_steps=config.td3.n_step,
+    return {
+        "learning_rate": config.td3.critic_learning_rate,
+        "buffer_size": config.replay_capacity,
+        "learning_starts": config.start_steps,
+        "batch_size": config.td3.batch_size,
+        "train_freq": 1,
+        "gradient_steps": config.updates_per_iteration,
+        "n_steps": config.td3.n_step,
         # TD3's targets follow at each actor update as ours do, SAC's at each update.
-        tau=config.td3.polyak / (1 if algorithm == "TD3" else config.td3.policy_delay),
-        action_noise=noise,
-        policy_kwargs={"net_arch": list(config.td3.widths)},
-        seed=config.seed,
-        device="cpu",
-    )
+        "tau": config.td3.polyak / (1 if algorithm == "TD3" else config.td3.policy_delay),
+        "action_noise": noise,
+        "policy_kwargs": {"net_arch": list(config.td3.widths)},
+    }
 
 
-def to_policy(model: OffPolicyAlgorithm, config: PolicyConfig) -> MlpPolicy:
+def _on_policy(config: TrainConfig) -> dict[str, Any]:
+    return {
+        # With 64 robots a rollout of 2,048 rows, as the library's default is with one.
+        "n_steps": 32,
+        "batch_size": config.td3.batch_size,
+        "policy_kwargs": {"net_arch": list(config.td3.widths), "activation_fn": torch.nn.ReLU},
+    }
+
+
+def to_policy(model: BaseAlgorithm, config: PolicyConfig) -> MlpPolicy:
     """The model's deterministic actor, tanh(MLP(s)), in numpy with its own memory."""
-    actor: Any = model.actor  # pyright: ignore[reportAttributeAccessIssue]  # TD3 and SAC have one
-    modules = [actor.mu] if isinstance(model, TD3) else [actor.latent_pi, actor.mu]
+    source: Any = model.policy
+    if isinstance(model, PPO):
+        modules = [source.mlp_extractor.policy_net, source.action_net]
+    else:
+        modules = [source.actor.mu] if isinstance(model, TD3) else [source.actor.latent_pi, source.actor.mu]
     linear = [m for module in modules for m in module.modules() if isinstance(m, torch.nn.Linear)]
     layers = [(_array(layer.weight).T.copy(), _array(layer.bias)) for layer in linear]
     sizes = replace(config, input_size=layers[0][0].shape[0], widths=tuple(len(b) for _, b in layers[:-1]))
     return MlpPolicy(layers, sizes)
+
+
+def mean_q(model: BaseAlgorithm) -> float | None:
+    """Mean over a batch of what the critic says: of TD3 and SAC Q_1(s, a) of replayed rows, as our learner logs it.
+
+    PPO learns no Q: its value estimate V(s), over the states of the running rollout. None before there is any.
+    """
+    if isinstance(model, PPO):
+        buffer = model.rollout_buffer
+        rows = buffer.buffer_size if buffer.full else buffer.pos
+        return float(buffer.values[:rows].mean()) if rows else None
+    source: Any = model
+    if source._n_updates == 0:
+        return None
+    batch = source.replay_buffer.sample(source.batch_size)
+    with torch.no_grad():
+        return float(source.critic(batch.observations, batch.actions)[0].mean())
+
+
+def promised(model: BaseAlgorithm, observation: F32) -> float:
+    """Mean over states (E, D) of Q_1 of the model's own deterministic action: what the critic promises from there.
+
+    Of PPO V(s). SAC's includes the entropy that its actor is paid for.
+    """
+    states = torch.as_tensor(observation)
+    source: Any = model
+    with torch.no_grad():
+        if isinstance(model, PPO):
+            return float(source.policy.predict_values(states).mean())
+        return float(source.critic(states, source.policy._predict(states, deterministic=True))[0].mean())
+
+
+def _gradient_updates(model: BaseAlgorithm) -> int:
+    """Updates so far. PPO counts passes over its rollout, each of several batches."""
+    count = int(model._n_updates)
+    if not isinstance(model, PPO):
+        return count
+    return count * -(-model.n_steps * model.n_envs // model.batch_size)
 
 
 def _array(tensor: Any) -> F32:
@@ -158,18 +231,20 @@ def train_sb3(
     evaluate: Evaluate | None = None,
     on_progress: Callable[[float], None] | None = None,
     start_time_s: float | None = None,
+    tuned: Mapping[str, Any] | None = None,
 ) -> Sb3Result:
     """Train a baseline and leave metrics.jsonl and the policy, which adrl evaluate drives, in `out`.
 
     algorithm: of ALGORITHMS. config: seed, budget, sizes and intervals; what is the method of ADRL has no effect.
-    start_time_s: of time.monotonic(); wall_s and max_seconds count from it, time in `evaluate` left out. The policy is
-    the last actor, as the library's users have it. Raises ConfigError, UnknownName.
+    start_time_s: of time.monotonic(); wall_s and max_seconds count from it, time in `evaluate` left out. tuned: as of
+    make_model. The policy is the last actor, as the library's users have it. PPO ends with the first whole rollout at
+    or past config.steps. Raises ConfigError, UnknownName.
     """
     if config.steps is None and config.max_seconds is None:
         raise ConfigError("the run would never end; give steps or max_seconds")
     started_s = time.monotonic() if start_time_s is None else start_time_s
     policy_config = replace(policy_config, maturity=env.maturity)
-    model = make_model(algorithm, env, config)
+    model = make_model(algorithm, env, config, tuned)
     watch = _Watch(config, env.num_envs, out, policy_config, evaluate, on_progress, started_s)
     try:
         model.learn(total_timesteps=config.steps or ENDLESS, callback=watch)
@@ -212,7 +287,7 @@ class _Watch(BaseCallback):
     @property
     def updates(self) -> int:
         """Gradient updates so far."""
-        return int(self.model._n_updates)
+        return _gradient_updates(self.model)
 
     def wall_s(self) -> float:
         """Seconds since the start without those spent in evaluations."""
@@ -239,11 +314,15 @@ class _Watch(BaseCallback):
 
     def _write_row(self, evaluate: bool) -> None:
         row: dict[str, Any] = {"wall_s": self.wall_s(), "env_steps": self.num_timesteps}
-        row |= {"episode": self.tally.total, "updates": self.updates} | self.tally.take() | {"success": None}
+        row |= {"episode": self.tally.total, "updates": self.updates, "q_mean": mean_q(self.model)}
+        row |= self.tally.take() | {"success": None}
         if evaluate and self._evaluate is not None:
             began_s = time.monotonic()
-            policy = to_policy(self.model, self._policy_config)  # pyright: ignore[reportArgumentType]
-            row["success"] = self._evaluate(policy, self._config.static_maturity).success
+            policy = to_policy(self.model, self._policy_config)
+            result = self._evaluate(policy, self._config.static_maturity)
+            value = promised(self.model, result.start)
+            row |= {"success": result.success, "q_start": value, "return_start": result.discounted_return}
+            row["overestimation"] = value - result.discounted_return
             self._started_s += time.monotonic() - began_s
         self.log.write(row)
         self._logged_at = self.num_timesteps

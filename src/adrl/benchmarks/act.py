@@ -1,17 +1,21 @@
-"""How long one robot's policy takes from a scan to a command."""
+"""How long one robot takes from a scan to a command: the policy alone, and the whole runtime with its supervisor."""
 
 import time
 from typing import Any
 
 import numpy as np
 
-from adrl.deploy.policy import MlpPolicy
+from adrl.deploy import MlpPolicy, Navigator, Odometry, Scan
+from adrl.envs import NavSim
 from adrl.errors import ConfigError
 from adrl.motion import ScanHistory
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_twist
-from adrl.worlds import robot_from_fields
+from adrl.types import GUIDANCE, Task
+from adrl.worlds import get_scenario, robot_from_fields, task_set
 
 WARM_UP = 200
+COURSES = 8
+"""Tasks of `complex` that the runtime is timed on."""
 
 
 def bench_act(policy: MlpPolicy, *, steps: int = 5000) -> dict[str, Any]:
@@ -44,3 +48,62 @@ def bench_act(policy: MlpPolicy, *, steps: int = 5000) -> dict[str, Any]:
         "p50_ms": 1e3 * float(np.median(durations)),
         "p99_ms": 1e3 * float(np.percentile(durations, 99)),
     }
+
+
+def bench_runtime(policy: MlpPolicy, *, steps: int = 5000) -> dict[str, Any]:
+    """Navigator.step with the supervisor, for each guidance, driving through `complex`. Times in ms.
+
+    Everything from the scan message to the command is in it, replanning too; a route across a map is planned when the
+    goal is set, in a step that counts as well. p99_cpu_ms: processor time, without the waits of a busy machine.
+    """
+    if steps < 1:
+        raise ConfigError(f"steps is {steps}; give 1 or more")
+    robot = robot_from_fields(policy.config.robot)
+    tasks = task_set(get_scenario("complex"), robot, "validation", COURSES)
+    results: dict[str, Any] = {"steps": steps}
+    for guidance in GUIDANCE:
+        wall, busy = np.array(_driving_seconds(policy, guidance, tasks, steps)).T
+        results[guidance] = {
+            "p50_ms": 1e3 * float(np.median(wall)),
+            "p99_ms": 1e3 * float(np.percentile(wall, 99)),
+            "p99_cpu_ms": 1e3 * float(np.percentile(busy, 99)),
+        }
+    return results
+
+
+def _driving_seconds(
+    policy: MlpPolicy, guidance: str, tasks: list[Task], steps: int
+) -> list[tuple[float, float]]:
+    """Wall clock and processor time of each step."""
+    robot = robot_from_fields(policy.config.robot)
+    encoder = EncoderConfig(**policy.config.encoder)
+    sim = NavSim(1, robot, guidance="goal", encoder=encoder)
+    lidar, period_s = robot.lidar, robot.control_period_s
+    durations: list[tuple[float, float]] = []
+    for number in range(steps):  # tasks, until the steps are done
+        task = tasks[number % len(tasks)]
+        sim.reset(np.array([0]), [task], np.array([number], np.uint64), np.random.default_rng(number))
+        world = task.world if guidance == "map" else None
+        navigator = Navigator(policy, guidance=guidance, world=world)
+        navigator.set_goal(task.goal)
+        for k in range(round(task.time_limit_s / period_s)):
+            now_s = k * period_s
+            scan = Scan(
+                ranges=sim.b["ranges"][0].astype(np.float64),
+                angle_min_rad=lidar.angle_min_rad,
+                angle_increment_rad=lidar.angle_increment_rad,
+                range_max_m=lidar.max_range_m,
+                stamp_s=now_s,
+            )
+            (x, y, yaw), (v, w) = sim.b["odometry"][0].tolist(), sim.b["twist"][0].tolist()
+            odometry = Odometry(pose=(x, y, yaw), twist=(v, w), stamp_s=now_s)
+            begin, busy = time.perf_counter(), time.thread_time()
+            command = navigator.step(scan, odometry, now_s)
+            durations.append((time.perf_counter() - begin, time.thread_time() - busy))
+            if len(durations) == steps:
+                return durations
+            sim.b["command"][0] = command.twist
+            sim.native.step()
+            if navigator.goal is None or sim.b["collided"][0]:
+                break
+    return durations

@@ -6,16 +6,17 @@ from pathlib import Path
 from typing import Any
 
 from adrl import files
-from adrl.benchmarks.act import bench_act
+from adrl.benchmarks.act import bench_act, bench_runtime
 from adrl.benchmarks.plan import bench_dwa, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.commands.options import parse, require_file
-from adrl.deploy.policy import default_policy_folder, load_policy
+from adrl.deploy.policy import DEFAULT, default_policy_folder, load_policy, resolve_policy
 from adrl.errors import UnknownName
 
 WHAT = {
     "sim": "environment steps a second, beside ir-sim and irsim-x where they are installed",
     "plan": "A*+DWA decisions a second, replanning, a policy's step, and planning across a map",
+    "act": "a robot's step from scan to command, the policy alone and the runtime with its supervisor",
     "learn": "gradient updates a second on one core, beside Stable-Baselines3's TD3 where it is installed",
     "gazebo": "control steps a second of robots in Gazebo, where it is set up",
 }
@@ -57,6 +58,18 @@ class PlanOptions:
     """Length of a round, s."""
     rounds: int = 5
     """Rounds; the median is reported."""
+    json: Path | None = None
+    """File for the results."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActOptions:
+    """One robot, on one core."""
+
+    policy: str = DEFAULT
+    """default (the shipped policy), or a run folder."""
+    steps: int = 5000
+    """Control steps to time, of each guidance."""
     json: Path | None = None
     """File for the results."""
 
@@ -104,7 +117,7 @@ def main(arguments: Sequence[str]) -> int:
     what, rest = arguments[0], arguments[1:]
     if what not in WHAT:
         raise UnknownName("benchmark", what, WHAT)
-    results, path = {"sim": _sim, "plan": _plan, "learn": _learn, "gazebo": _gazebo}[what](rest)
+    results, path = {"sim": _sim, "plan": _plan, "act": _act, "learn": _learn, "gazebo": _gazebo}[what](rest)
     if path is not None and str(path) != "-":
         files.write_json(path, results)
     print(files.to_json(results))
@@ -155,6 +168,18 @@ def _plan(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
     results["policy_step"] = bench_act(load_policy(default_policy_folder()))
     if options.map is not None:
         results["map"] = bench_map(options.map)
+    return results, options.json
+
+
+def _act(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
+    options = parse(ActOptions, arguments, "bench act", "A robot's step from scan to command.")
+    require_file("--json", options.json)
+    policy = load_policy(resolve_policy(options.policy))
+    results = {
+        "schema_version": 1,
+        "policy_step": bench_act(policy, steps=options.steps),
+        "runtime": bench_runtime(policy, steps=options.steps),
+    }
     return results, options.json
 
 

@@ -41,7 +41,7 @@ class EvaluateOptions(Place):
     threads: int = 0
     """Threads of the simulator; 0 takes one per core."""
     out: Path | None = None
-    """Folder for episodes.parquet and summary.json."""
+    """Folder for episodes.parquet, summary.json and traces.safetensors, which adrl report reads."""
     json: Path | None = None
     """File for the summary; - prints it."""
 

@@ -11,6 +11,7 @@ from adrl.baselines import SB3_METHODS, require_sb3
 from adrl.comparison.config import CompareConfig, differences
 from adrl.comparison.jobs import EPISODES_FILE, Job, all_jobs, concatenated, is_finished
 from adrl.comparison.pool import log_path, run_all
+from adrl.comparison.ray_pool import require_ray, run_on_ray
 from adrl.comparison.results import markdown, method_rows, read_runs
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.results import write_table
@@ -40,6 +41,8 @@ def compare(config: CompareConfig, on_change: Callable[[int, int, int], None] | 
         raise ConfigError("every run needs an end; give --steps or --max-seconds")
     if set(config.method_names) & SB3_METHODS.keys():
         require_sb3()
+    if config.ray is not None:
+        require_ray()
     for method in config.method_names:
         config.run(method, config.learner.seed, config.out)
     _claim(config)
@@ -52,7 +55,7 @@ def compare(config: CompareConfig, on_change: Callable[[int, int, int], None] | 
             on_change(done + ended, running, len(jobs))
 
     try:
-        failed = run_all(config, waiting, tell)
+        failed = (run_all if config.ray is None else run_on_ray)(config, waiting, tell)
     finally:
         rows = _write_tables(config, jobs)
     return Comparison(rows, {job.name: log_path(config, job) for job in failed})

@@ -11,6 +11,7 @@ import tyro
 from adrl.agents.config import TrainConfig
 from adrl.agents.methods import METHODS, method_config
 from adrl.baselines import SB3_METHODS
+from adrl.baselines.tuned import TUNED
 from adrl.errors import ConfigError, UnknownName
 from adrl.runs import RunConfig
 from adrl.types import GUIDANCE
@@ -18,6 +19,8 @@ from adrl.worlds import load_robot
 
 ALL = "all"
 EVAL_INTERVAL_STEPS = 16_000
+NOT_SHARED = ("methods", "seeds", "routes", "keep_checkpoints", "workers", "ray", "out", "method", "resume")
+"""Options that results in one folder may differ in."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,8 +37,14 @@ class CompareConfig(RunConfig):
     """Which tasks: task i of a split is the same for ever."""
     eval_guidance: str | None = None
     """Guidance of the evaluation, names with commas between; as trained when left out."""
+    routes: int = 0
+    """Tasks, from the first, whose routes are kept: routes.parquet of each job."""
+    keep_checkpoints: bool = True
+    """Keep each run's checkpoint, some 100 MB, when its result is there."""
     workers: int = 0
     """Processes, each on a core of its own; 0 takes one for every usable core."""
+    ray: str | None = None
+    """Address of a Ray cluster, HOST:PORT, that runs the jobs instead of processes here, one for each of its CPUs."""
     out: Path = Path("runs/compare")
     """Folder of the results. The same command again goes on where it was stopped; methods and seeds may be added."""
     method: tyro.conf.Suppress[str] = "adrl"
@@ -97,9 +106,9 @@ class CompareConfig(RunConfig):
         return json.loads(json.dumps(asdict(self), default=str, allow_nan=False))
 
     def settings(self) -> dict[str, Any]:
-        """What all results in one folder must share: neither methods nor seeds, nor how many at once."""
+        """What all results in one folder must share: neither methods nor seeds, nor where they are made."""
         content = self.document()
-        for name in ("methods", "seeds", "workers", "out", "method", "resume"):
+        for name in NOT_SHARED:
             del content[name]
         del content["learner"]["seed"]
         # Names become what they stand for today: a robot's file may change.
@@ -117,6 +126,8 @@ class CompareConfig(RunConfig):
         for name in self.method_names:
             learner = asdict(self.run(name, self.learner.seed, self.out).resolved())
             del learner["seed"]
+            if name in SB3_METHODS:
+                learner["tuned"] = TUNED[SB3_METHODS[name]]
             content[name] = json.loads(json.dumps(learner, allow_nan=False))
         return content
 

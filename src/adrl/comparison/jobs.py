@@ -1,11 +1,13 @@
 """A job of a comparison: train one method with one seed, evaluate its final policy, leave the result."""
 
 import shutil
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from adrl import api, files
+from adrl.agents.checkpoint import FOLDER as CHECKPOINT_FOLDER
 from adrl.agents.metrics import METRICS_FILE
 from adrl.baselines import SB3_METHODS
 from adrl.comparison.config import CompareConfig
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
 SCHEMA_VERSION = 1
 RESULT_FILE = "summary.json"
 EPISODES_FILE = "episodes.parquet"
+ROUTES_FILE = "routes.parquet"
 RUNS_FOLDER = "runs"
 
 
@@ -55,26 +58,34 @@ def is_finished(config: CompareConfig, job: Job) -> bool:
 def run_job(config: CompareConfig, job: Job, started_s: float) -> None:
     """Train, or go on with what a killed process left, evaluate, and write the result, the summary last.
 
+    The first seed of each method also leaves a folder GUIDANCE as adrl evaluate --out does.
+
     started_s: of time.monotonic(); the budget counts from there. Raises AdrlError.
     """
     run = None if job.seed is None else config.out / RUNS_FOLDER / job.name
     if run is not None and job.seed is not None:
         _train(config.run(job.method, job.seed, run), job.method, run, started_s)
+    folder = config.out / job.name
+    # Traces take megabytes: kept of the planner and of one seed a method, for adrl report.
+    traced = job.seed in (None, config.learner.seed)
     evaluations = [
         api.evaluate(
             api.PLANNER if run is None else run,
             scenario=config.load(),
             robot=config.robot,
             guidance=guidance,
+            record=config.routes,
             split=config.split,
             episodes=config.episodes,
             num_threads=1,
+            out=folder / guidance if traced else None,
         )
         for guidance in (("map",) if run is None else config.guidance_names)
     ]
-    folder = config.out / job.name
     tables = [_table(result.rollout.episodes, job, result.summary["guidance"]) for result in evaluations]
     write_table(folder / EPISODES_FILE, concatenated(tables))
+    if config.routes:
+        write_table(folder / ROUTES_FILE, _routes(evaluations))
     if run is not None:
         for name in (METRICS_FILE, CONFIG_FILE):
             files.atomic_write_bytes(folder / name, (run / name).read_bytes())
@@ -82,6 +93,23 @@ def run_job(config: CompareConfig, job: Job, started_s: float) -> None:
     files.write_json(
         folder / RESULT_FILE, summary | {"evaluations": [result.summary for result in evaluations]}
     )
+    if run is not None and not config.keep_checkpoints:
+        shutil.rmtree(run / CHECKPOINT_FOLDER, ignore_errors=True)
+
+
+def _routes(evaluations: Sequence[api.Evaluation]) -> "pa.Table":
+    """The recorded routes, a row a position: guidance, task, x_m, y_m."""
+    import pyarrow as pa
+
+    columns: dict[str, list[Any]] = {"guidance": [], "task": [], "x_m": [], "y_m": []}
+    for evaluation in evaluations:
+        for task, route in enumerate(evaluation.rollout.routes):
+            columns["guidance"] += [evaluation.summary["guidance"]] * len(route)
+            columns["task"] += [task] * len(route)
+            columns["x_m"] += route[:, 0].tolist()
+            columns["y_m"] += route[:, 1].tolist()
+    kinds = {"guidance": pa.string(), "task": pa.int32(), "x_m": pa.float32(), "y_m": pa.float32()}
+    return pa.table({name: pa.array(column, kinds[name]) for name, column in columns.items()})
 
 
 def concatenated(tables: "list[pa.Table]") -> "pa.Table":
@@ -108,13 +136,22 @@ def _table(episodes: Episodes, job: Job, guidance: str) -> "pa.Table":
 
 def _train(config: RunConfig, method: str, out: Path, started_s: float) -> None:
     if method in SB3_METHODS:
-        _train_baseline(config, method, out, started_s)
+        train_baseline(config, method, out, started_s)
     else:
         train(config, start_time_s=started_s)
 
 
-def _train_baseline(config: RunConfig, method: str, out: Path, started_s: float) -> None:
-    """Stable-Baselines3 in the environment of td3. It has no checkpoints: a run that was killed starts afresh."""
+def train_baseline(
+    config: RunConfig,
+    method: str,
+    out: Path,
+    started_s: float | None = None,
+    tuned: Mapping[str, Any] | None = None,
+) -> None:
+    """Stable-Baselines3 in the environment of td3. It has no checkpoints: a run that was killed starts afresh.
+
+    config: a run of td3. method: of SB3_METHODS. started_s, tuned: see train_sb3.
+    """
     from adrl.baselines.sb3 import train_sb3
 
     shutil.rmtree(out, ignore_errors=True)
@@ -136,4 +173,5 @@ def _train_baseline(config: RunConfig, method: str, out: Path, started_s: float)
         policy_config=about,
         evaluate=validation(config, scenario, robot, learner),
         start_time_s=started_s,
+        tuned=tuned,
     )

@@ -11,6 +11,8 @@ from adrl import processes
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.jobs import Job, is_finished
 
+WORKER = "adrl.comparison.worker"
+CACHE_VARIABLE = "JAX_COMPILATION_CACHE_DIR"
 LOGS_FOLDER = "logs"
 CACHE_FOLDER = "cache"
 POLL_S = 0.2
@@ -73,13 +75,18 @@ def _start(config: CompareConfig, job: Job, core: int) -> processes.Process:
     """A worker with its job on standard input, which stays open: see adrl.comparison.worker."""
     path = log_path(config, job)
     path.parent.mkdir(parents=True, exist_ok=True)
-    task = {"core": core, "method": job.method, "seed": job.seed, "config": config.document()}
     with open(path, "wb") as log:
         process = processes.start_module(
-            "adrl.comparison.worker",
+            WORKER,
             stdout=log,
             stderr=subprocess.STDOUT,
-            environment={"JAX_COMPILATION_CACHE_DIR": str(cache_path(config, job).absolute())},
+            environment={CACHE_VARIABLE: str(cache_path(config, job).absolute())},
         )
-    processes.send(process, json.dumps(task).encode())
+    processes.send(process, task_line(config, job, core))
     return process
+
+
+def task_line(config: CompareConfig, job: Job, core: int) -> bytes:
+    """What the worker reads from its standard input."""
+    task = {"core": core, "method": job.method, "seed": job.seed, "config": config.document()}
+    return json.dumps(task).encode()

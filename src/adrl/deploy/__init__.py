@@ -1,1 +1,21 @@
-"""Running a trained policy: numpy only."""
+"""Running a trained policy on a robot: numpy and the core only."""
+
+from adrl.deploy.messages import Command, Odometry, Pose, Reason, Scan, Status, Twist
+from adrl.deploy.navigator import Navigator
+from adrl.deploy.policy import MlpPolicy, load_policy
+from adrl.deploy.supervisor import Supervisor, SupervisorConfig
+
+__all__ = [
+    "Command",
+    "MlpPolicy",
+    "Navigator",
+    "Odometry",
+    "Pose",
+    "Reason",
+    "Scan",
+    "Status",
+    "Supervisor",
+    "SupervisorConfig",
+    "Twist",
+    "load_policy",
+]

@@ -16,6 +16,7 @@ from adrl.envs.randomization import NOMINAL, Randomization, draw_params
 from adrl.errors import ConfigError, UnknownName
 from adrl.motion import ScanHistory
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
+from adrl.planning.path_guide import sim_config
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, Step, features, terms
@@ -24,8 +25,6 @@ from adrl.types import GUIDANCE, Array, RobotConfig, Task
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-LOOKAHEAD_M = 1.5
-"""Distance along the path of the waypoint that guidance `map` gives to the policy."""
 STAGNATION_WINDOW = 5
 """Steps over which eq 12 averages displacements."""
 
@@ -97,9 +96,7 @@ class NavSim:
         self.reward = reward or RewardConfig()
         self._randomization = randomization
         self.b = _buffers(num_envs, robot.lidar.num_beams)
-        config = _core.SimConfig()
-        config.lookahead_m = LOOKAHEAD_M if guidance == "map" else 0.0
-        config.dwa_lookahead_m = min(max(1.5 * robot.max_speed_mps, 0.5), 3.0)
+        config = sim_config(robot, guidance)
         self.native = _core.BatchSim(num_envs, num_threads, robot.native, config, self.b)
         self.replanner: Replanner | None = None
         if guidance == "replan":

@@ -96,19 +96,25 @@ def write_table(path: str | os.PathLike[str], table: "pa.Table") -> None:
 
 def read_episodes(path: str | os.PathLike[str]) -> Episodes:
     """Read what write_episodes wrote. Raises CheckpointError naming the file: missing or malformed."""
+    try:
+        return Episodes.from_table(read_table(path))
+    except CheckpointError as error:
+        raise error if str(path) in str(error) else CheckpointError(f"{path}: {error}") from error
+
+
+def read_table(path: str | os.PathLike[str]) -> "pa.Table":
+    """Read what write_table wrote. Raises CheckpointError naming the file: missing or no Parquet."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     try:
         # One file, never a folder of them: pyarrow would take a folder as a dataset.
         with open(path, "rb") as stream:
-            return Episodes.from_table(pq.read_table(pa.py_buffer(stream.read())))
+            return pq.read_table(pa.py_buffer(stream.read()))
     except FileNotFoundError:
         raise CheckpointError(f"{path}: no such file; run adrl evaluate with --out first") from None
     except (pa.ArrowException, OSError) as error:
         raise CheckpointError(f"{path}: not a readable Parquet file ({error}); evaluate again") from error
-    except CheckpointError as error:
-        raise CheckpointError(f"{path}: {error}") from error
 
 
 @dataclass(frozen=True, kw_only=True)

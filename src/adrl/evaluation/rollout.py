@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from adrl.envs import NOMINAL, Body, NavSim, Randomization
 from adrl.errors import TaskError
 from adrl.evaluation.metrics import Episodes
+from adrl.evaluation.traces import Recorder
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward
@@ -70,6 +71,7 @@ def rollout(
     record: int = 0,
     first_task: int = 0,
     rewards: Rewards | None = None,
+    recorder: Recorder | None = None,
     on_step: Callable[[int, int], None] | None = None,
     body: Body | None = None,
     on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None = None,
@@ -78,9 +80,9 @@ def rollout(
 
     seed: of the sensors' noise and of odometry drift, nothing else; every policy meets the same. record: number of
     tasks, from the first, whose routes are kept. replanner, maturity: see NavSim. first_task: number of tasks[0] in
-    its split. rewards: those to add up, if any. on_step(ended, total) is told the progress. body: moves and senses the
-    robots instead of our simulator, as many side by side as it has. on_drive(sim, numbers, moving) sees each period of
-    the robots (N,) that moved. Raises TaskError for no tasks.
+    its split. rewards: those to add up, if any. recorder: keeps the course of some episodes. on_step(ended, total) is
+    told the progress. body: moves and senses the robots instead of our simulator, as many side by side as it has.
+    on_drive(sim, numbers, moving) sees each period of the robots (N,) that moved. Raises TaskError for no tasks.
     """
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
@@ -113,7 +115,7 @@ def rollout(
                 on_step(before + ended, len(tasks))
 
         starts.append(sim.observe())
-        part, kept, earned = _drive(policy, sim, numbers, keep, rewards, progress, on_drive)
+        part, kept, earned = _drive(policy, sim, numbers, keep, rewards, recorder, progress, on_drive)
         parts.append(part)
         routes += kept
         returns.append(earned)
@@ -136,6 +138,7 @@ def _drive(
     numbers: NDArray[np.int64],
     keep: int,
     rewards: Rewards | None,
+    recorder: Recorder | None,
     progress: Callable[[int], None],
     on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None,
 ) -> tuple[dict[str, NDArray[np.generic]], list[Array], Array]:
@@ -150,11 +153,15 @@ def _drive(
     # A start within the goal's tolerance has arrived, a start in contact has hit: neither is driven.
     ending[0], ending[1] = sim.b["reached"], sim.b["collided"] & ~sim.b["reached"].astype(bool)
     sim.b["active"][:] = ~ending.any(axis=0)
+    if recorder is not None:
+        recorder.begin(sim, numbers)
     while sim.b["active"].any():
         active = sim.b["active"].astype(bool)
         before = sim.b["twist"][:, 1].copy()
         actions = policy.act_in(sim) if hasattr(policy, "act_in") else policy.act(sim.observe())  # pyright: ignore
         outcome = sim.step(actions)
+        if recorder is not None:
+            recorder.add(sim, active, outcome)
         moving = (
             active & ~outcome.collided
         )  # contact stops a robot at once, which says nothing of its driving
@@ -171,6 +178,8 @@ def _drive(
         sim.b["active"][ending.any(axis=0)] = 0
         trace.append(sim.b["pose"][:keep, :2].copy())
         progress(int(ending.any(axis=0).sum()))
+    if recorder is not None:
+        recorder.end(ending)
     distance, time_s = sim.b["travelled"].copy(), sim.b["time"].copy()
     columns = {
         "task": numbers,

@@ -34,15 +34,15 @@ class ScheduleConfig:
     """k_alpha of eq 3: how sharply alpha falls with S."""
     b_alpha: float = 4.0
     """b_alpha of eq 3: alpha is half released at S = b_alpha / k_alpha."""
-    lambda_max: float = 0.3
+    lambda_max: float = 1.0
     """lambda_max of eq 5: weight of cloning beside the normalised Q at S = 0."""
-    k_q: float = 30.0
+    k_q: float = 10.0
     """k_q of eq 5: lambda falls by exp(-k_q) from S = 0 to S = 1."""
     warmup_updates: int = 0
     """Updates during which S stays 0: the critic starts cold and its values mean nothing yet."""
     smoothing_updates: float = 200.0
     """Time constant of the exponential moving average over measured maturities."""
-    rise_updates: float = 1500.0
+    rise_updates: float = 2500.0
     """Updates that S takes at the least from 0 to 1."""
     fall_updates: float = 30000.0
     """Updates that S takes at the least from 1 to 0. Far more than rise_updates: the ratchet."""
@@ -87,6 +87,11 @@ class ScheduleConfig:
     def imitates(self) -> bool:
         """Whether the expert is used at all; if not, training is what it is without demonstrations."""
         return self.alpha_max > 0.0 or self.lambda_max > 0.0
+
+    @property
+    def releases(self) -> bool:
+        """Whether alpha or lambda follows S."""
+        return self.alpha_min < self.alpha_max or (self.lambda_max > 0.0 and self.k_q > 0.0)
 
     @property
     def needs_probe(self) -> bool:

@@ -146,10 +146,16 @@ class Replanner:
         mask[indices] = 1
         poses = np.zeros((len(mask), 3))
         poses[indices] = odometry
-        b["goal"][indices] = goals
-        for name in ("replans", "following", "since_plan", "recorded", "beyond"):
-            b[name][indices] = 0
+        b["replans"][indices] = 0
+        self.retarget(indices, goals)
         self.native.restart(mask, poses)
+
+    def retarget(self, indices: NDArray[np.intp], goals: Array) -> None:
+        """Other goals (M, 2) for robots `indices` (M,) under way: what they have mapped stays."""
+        b = self.b
+        b["goal"][indices] = goals
+        for name in ("following", "since_plan", "recorded", "beyond"):
+            b[name][indices] = 0
 
     def update(self, ranges: F32, odometry: Array, active: Mask | None = None) -> Array:
         """One control period: (N, K) ranges, (N, 3) odometry -> (N, 2) waypoints.

@@ -1,4 +1,4 @@
-"""Pictures of a training run and of routes, as PNG files. No display and no global state: no pyplot."""
+"""Pictures of a training run and of routes, as PNG or PDF files. No display and no global state: no pyplot."""
 
 import io
 import math
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PatchCollection
@@ -46,8 +47,8 @@ _END_MARKERS = {"success": "o", "collision": "X", "timeout": "s"}
 
 
 def learning_curve(logs: Mapping[str, str | os.PathLike[str]], out: str | os.PathLike[str]) -> None:
-    """Write learning_curve_figure(logs) to the PNG file out."""
-    _save(learning_curve_figure(logs), out)
+    """Write learning_curve_figure(logs) to the file out, PNG or PDF."""
+    save(learning_curve_figure(logs), out)
 
 
 def learning_curve_figure(logs: Mapping[str, str | os.PathLike[str]]) -> Figure:
@@ -59,10 +60,10 @@ def learning_curve_figure(logs: Mapping[str, str | os.PathLike[str]]) -> Figure:
     if not logs:
         raise ValueError("no log to draw; give one run or more")
     runs = {label: read_metrics(path) for label, path in logs.items()}
-    figure = _figure(10.0, 4.6)
+    figure = blank_figure(10.0, 4.6)
     axes = figure.subplot_mosaic([["success", name] for name in _CURVES], width_ratios=[1.7, 1.0])
     for index, (label, rows) in enumerate(runs.items()):
-        style = dict(zip(("color", "linestyle"), _line_style(index), strict=True))
+        style = dict(zip(("color", "linestyle"), line_style(index), strict=True))
         _curve(axes["success"], rows, "success", scale=100.0, label=label, marker="o", **style)
         for name in _CURVES:
             _curve(axes[name], rows, name, **style)
@@ -117,8 +118,8 @@ class RoutePanel:
 
 
 def routes(panels: Sequence[RoutePanel], out: str | os.PathLike[str], *, columns: int = 3) -> None:
-    """Write routes_figure(panels, columns) to the PNG file out."""
-    _save(routes_figure(panels, columns=columns), out)
+    """Write routes_figure(panels, columns) to the file out, PNG or PDF."""
+    save(routes_figure(panels, columns=columns), out)
 
 
 def routes_figure(panels: Sequence[RoutePanel], *, columns: int = 3) -> Figure:
@@ -132,7 +133,7 @@ def routes_figure(panels: Sequence[RoutePanel], *, columns: int = 3) -> Figure:
     names = list(dict.fromkeys(name for panel in panels for name in panel.trajectories))
     columns = min(columns, len(panels))
     rows = math.ceil(len(panels) / columns)
-    figure = _figure(3.6 * columns, 3.7 * rows + 0.5)
+    figure = blank_figure(3.6 * columns, 3.7 * rows + 0.5)
     grid = figure.subplots(rows, columns, squeeze=False)
     for axes, panel in zip(grid.flat, panels, strict=False):
         _panel(axes, panel, names)
@@ -152,7 +153,7 @@ def _panel(axes: Axes, panel: RoutePanel, names: Sequence[str]) -> None:
     if panel.path is not None:
         axes.plot(*panel.path[:, :2].T, color=INK, linewidth=1.1, linestyle=(0, (1, 1.6)), zorder=4)
     for name, positions in panel.trajectories.items():
-        colour, stroke = _line_style(names.index(name))
+        colour, stroke = line_style(names.index(name))
         axes.plot(*positions[:, :2].T, color="white", linewidth=3.2, alpha=0.7, zorder=5)
         axes.plot(*positions[:, :2].T, color=colour, linewidth=1.7, linestyle=stroke, zorder=6)
         marker = _END_MARKERS.get(panel.endings.get(name, ""))
@@ -225,7 +226,7 @@ def _legend(panels: Sequence[RoutePanel], names: Sequence[str]) -> list[Line2D]:
     def mark(label: str, marker: MarkerPath | str, **style: Any) -> Line2D:
         return Line2D([], [], linestyle="none", marker=marker, color=INK, label=label, **style)
 
-    styles = [_line_style(index) for index in range(len(names))]
+    styles = [line_style(index) for index in range(len(names))]
     entries = [
         Line2D([], [], color=colour, linestyle=stroke, linewidth=1.8, label=name)
         for name, (colour, stroke) in zip(names, styles, strict=True)
@@ -241,19 +242,24 @@ def _legend(panels: Sequence[RoutePanel], names: Sequence[str]) -> list[Line2D]:
     return entries
 
 
-def _line_style(index: int) -> tuple[str, LineStyleType]:
+def line_style(index: int) -> tuple[str, LineStyleType]:
     """Colour and pattern of line number index; they repeat after len(PALETTE)."""
     return PALETTE[index % len(PALETTE)], STROKES[index % len(STROKES)]
 
 
-def _figure(width_in: float, height_in: float) -> Figure:
+def blank_figure(width_in: float, height_in: float) -> Figure:
+    """A figure that no global state knows of, its parts laid out to fit."""
     layout = ConstrainedLayoutEngine(h_pad=0.08, w_pad=0.06)
     figure = Figure(figsize=(width_in, height_in), dpi=_DPI, layout=layout)
     FigureCanvasAgg(figure)
     return figure
 
 
-def _save(figure: Figure, out: str | os.PathLike[str]) -> None:
+def save(figure: Figure, out: str | os.PathLike[str]) -> None:
+    """Write a picture of the kind that the file's name ends in, png or pdf, at once. Equal figures give equal bytes."""
+    kind = Path(out).suffix[1:]
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
+    # Publishers ask for TrueType in a PDF; its date would make every file another.
+    with rc_context({"pdf.fonttype": 42}):
+        figure.savefig(buffer, format=kind, metadata={"CreationDate": None} if kind == "pdf" else None)
     files.atomic_write_bytes(Path(out), buffer.getvalue())

@@ -1,11 +1,14 @@
 """Robots, scenarios, maps and Gazebo worlds.
 
 A scenario draws tasks: SCENARIOS holds those that make a new world for every task, MapScenario and
-SdfScenario work in a given one. task_set() gives the fixed tasks of a split.
+SdfScenario work in a given one, BarnScenario in the given ones of a benchmark. task_set() gives the fixed
+tasks of a split.
 """
 
 from adrl.errors import ConfigError
 from adrl.types import Scenario
+from adrl.worlds.barn import BarnScenario, load_barn
+from adrl.worlds.cellular import Cellular
 from adrl.worlds.clutter import Clutter
 from adrl.worlds.complex import Complex
 from adrl.worlds.dynamic import Dynamic
@@ -23,14 +26,17 @@ SCENARIOS: dict[str, Scenario] = {
     "complex": Complex(),
     "dynamic": Dynamic(),
     "rooms": Rooms(),
+    "cellular": Cellular(),
 }
 
 __all__ = [
     "ROBOTS",
     "SCENARIOS",
+    "BarnScenario",
     "MapScenario",
     "SdfScenario",
     "get_scenario",
+    "load_barn",
     "load_map",
     "load_robot",
     "load_sdf",

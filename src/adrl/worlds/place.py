@@ -1,17 +1,19 @@
 """Where to drive, as the commands take it."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from adrl.errors import ConfigError
 from adrl.types import Scenario
-from adrl.worlds import MapScenario, SdfScenario, get_scenario
+from adrl.worlds import BarnScenario, MapScenario, SdfScenario, get_scenario
 
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Where to drive: one of the three."""
+    """Where to drive: one of scenario, map, world and barn."""
 
     scenario: str | None = None
     """A family of worlds; adrl list names them. clutter when neither a map nor a world is given."""
@@ -19,13 +21,29 @@ class Place:
     """YAML file of a ROS map_server map, instead of a scenario."""
     world: Path | None = None
     """Gazebo SDF world of boxes, cylinders and planes, instead of a scenario."""
+    barn: Path | None = None
+    """Folder of worlds of the BARN benchmark with their paths, instead of a scenario."""
+    barn_held_out: int = 0
+    """So many of these worlds, evenly spread in the order of their numbers, are kept for validation and test, and
+    training has the others; 0 trains, validates and tests on all."""
 
     def __post_init__(self) -> None:
-        if sum(place is not None for place in (self.scenario, self.map, self.world)) > 1:
-            raise ConfigError("give one of scenario, map and world")
+        if sum(place is not None for place in (self.scenario, self.map, self.world, self.barn)) > 1:
+            raise ConfigError("give one of scenario, map, world and barn")
+        if self.barn_held_out and self.barn is None:
+            raise ConfigError(f"barn_held_out is {self.barn_held_out} without barn; give --barn too")
+
+    @classmethod
+    def of(cls, settings: Mapping[str, Any]) -> "Place":
+        """The place of a run, from the settings in its config.json."""
+        saved: dict[str, Any] = {f.name: settings[f.name] for f in fields(Place) if f.name in settings}
+        for name in ("map", "world", "barn"):
+            if saved.get(name) is not None:
+                saved[name] = Path(saved[name])
+        return Place(**saved)
 
     def load(self) -> Scenario:
-        """The scenario, map or world, read once. Raises UnknownName, MapError, WorldError."""
+        """The scenario, map or worlds, read once. Raises UnknownName, MapError, WorldError, ConfigError."""
         return self._loaded
 
     @cached_property
@@ -34,4 +52,6 @@ class Place:
             return MapScenario(self.map)
         if self.world is not None:
             return SdfScenario(self.world)
+        if self.barn is not None:
+            return BarnScenario(self.barn, self.barn_held_out)
         return get_scenario(self.scenario or "clutter")

@@ -3,7 +3,7 @@
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 from zlib import crc32
 
 import numpy as np
@@ -29,6 +29,15 @@ class WorldGenerator(Protocol):
 
     def generate(self, rng: np.random.Generator, robot: RobotConfig) -> World:
         """Draw a world for this robot."""
+        ...
+
+
+@runtime_checkable
+class NumberedTasks(Protocol):
+    """A scenario whose tasks are given, not drawn."""
+
+    def numbered_task(self, split: str, index: int, robot: RobotConfig) -> Task:
+        """Task `index` of a split."""
         ...
 
 
@@ -150,13 +159,16 @@ def draw_in_new_world(
 def task_set(scenario: Scenario, robot: RobotConfig, split: str, count: int, first: int = 0) -> list[Task]:
     """Tasks first, ..., first + count - 1 of a split. Task i of a split is the same for ever and in any set.
 
-    Splits are disjoint: each task has a random stream of its own, keyed by scenario name, split and i.
+    Splits are disjoint: each task has a random stream of its own, keyed by scenario name, split and i; NumberedTasks
+    have splits of their own.
     Raises UnknownName for a split that is not in SPLITS, ConfigError for negative numbers, TaskError.
     """
     if split not in SPLITS:
         raise UnknownName("split", split, SPLITS)
     if count < 0 or first < 0:
         raise ConfigError(f"count is {count} and first {first}; give 0 or more")
+    if isinstance(scenario, NumberedTasks):
+        return [scenario.numbered_task(split, i, robot) for i in range(first, first + count)]
     entropy, key = crc32(scenario.name.encode()), SPLITS.index(split)
     seeds = (np.random.SeedSequence(entropy, spawn_key=(key, i)) for i in range(first, first + count))
     return [scenario.task(np.random.default_rng(seed), robot) for seed in seeds]

@@ -1,0 +1,119 @@
+// A trained policy in C++: the encoder of adrl.observation and the network, on the core's own motion cue.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "kinematics.hpp"
+#include "motion_cue.hpp"
+#include "safetensors.hpp"
+
+// A scan of the LiDAR the policy was trained with, and where odometry says the robot was.
+struct Look {
+    std::vector<float> ranges; // metres, one a beam
+    adrl::Pose pose;
+};
+
+struct Action {
+    float speed = 0.0F, turn = 0.0F; // in [-1, 1]
+};
+
+class Policy {
+  public:
+    // A file of `adrl export RUN --safetensors`.
+    explicit Policy(const std::string &path) : Policy(Safetensors(path)) {}
+
+    int num_beams() const { return static_cast<int>(lidar_[0]); }
+    double angle_min() const { return lidar_[1]; }
+    double angle_increment() const { return lidar_[2]; }
+    adrl::Pose mount() const { return {lidar_[3], lidar_[4], lidar_[5]}; }
+    double max_range() const { return lidar_[6]; }
+    // Control periods between the two looks that motion cues compare; 0 for a policy without.
+    int history_steps() const { return cue_ ? static_cast<int>(motion_[0]) : 0; }
+
+    // goal: in the robot's frame, metres; twist: measured; past: history_steps() control periods ago.
+    Action act(const Look &now, const Look &past, adrl::Vec2 goal, adrl::Twist twist, Action last) const {
+        std::vector<float> x = sectors(now.ranges);
+        const double distance = adrl::norm(goal), safe = std::max(distance, 1e-9);
+        for (const double feature : {goal.x / safe, goal.y / safe, distance / (distance + scales_[3]),
+                                     std::min(0.1 * distance, 1.0), twist.v / limits_[0], twist.w / limits_[2]}) {
+            x.push_back(static_cast<float>(feature));
+        }
+        x.insert(x.end(), {last.speed, last.turn});
+        if (cue_) {
+            const std::size_t known = x.size();
+            x.resize(known + extent_.size());
+            cue_->compute(now.ranges.data(), now.pose, past.ranges.data(), past.pose, x.data() + known);
+        }
+        for (std::size_t k = 0; k < layers_.size(); ++k) x = layers_[k].apply(x, k + 1 < layers_.size());
+        return {std::tanh(x.at(0)), std::tanh(x.at(1))};
+    }
+
+    adrl::Twist velocity(Action action) const {
+        const double span = limits_[0] - limits_[1];
+        return {limits_[1] + 0.5 * (action.speed + 1.0) * span, action.turn * limits_[2]};
+    }
+
+  private:
+    struct Layer {
+        std::vector<float> weight, bias; // weight (in, out)
+        std::vector<float> apply(const std::vector<float> &x, bool relu) const {
+            std::vector<float> y = bias;
+            for (std::size_t i = 0; i < x.size(); ++i) {
+                for (std::size_t o = 0; o < y.size(); ++o) y[o] += x[i] * weight[i * y.size() + o];
+            }
+            if (relu) {
+                for (float &v : y) v = std::max(v, 0.0F);
+            }
+            return y;
+        }
+    };
+
+    explicit Policy(const Safetensors &file)
+        : beams_(file.read<std::int32_t>("encoder.beams")), extent_(file.read<float>("encoder.extent")),
+          scales_(file.read<float>("encoder.scales")), limits_(file.read<double>("limits")),
+          lidar_(file.read<double>("lidar")) {
+        for (int i = 0; file.has("layers." + std::to_string(i) + ".weight"); ++i) {
+            const std::string name = "layers." + std::to_string(i);
+            layers_.push_back({file.read<float>(name + ".weight"), file.read<float>(name + ".bias")});
+        }
+        if (file.has("motion")) {
+            motion_ = file.read<double>("motion");
+            cue_.emplace(adrl::CueConfig{num_beams(), angle_min(), angle_increment(), mount(), max_range(),
+                                         static_cast<int>(extent_.size()), motion_.at(1), motion_.at(2)});
+        }
+        std::size_t width = extent_.size() * (cue_ ? 2 : 1) + 8;
+        for (const Layer &layer : layers_) {
+            if (layer.weight.size() != width * layer.bias.size()) throw std::runtime_error("layers do not fit");
+            width = layer.bias.size();
+        }
+        if (width != 2 || limits_.size() != 3 || lidar_.size() != 7 || scales_.size() != 4) {
+            throw std::runtime_error("not a policy of adrl export --safetensors");
+        }
+    }
+
+    // Nearest range of each sector, 0 at contact, on a logarithmic scale.
+    std::vector<float> sectors(const std::vector<float> &ranges) const {
+        const std::size_t most = beams_.size() / extent_.size();
+        std::vector<float> out;
+        for (std::size_t s = 0; s < extent_.size(); ++s) {
+            float nearest = scales_[0];
+            for (std::size_t k = 0; k < most; ++k) {
+                const auto beam = static_cast<std::size_t>(beams_[s * most + k]);
+                if (beam < ranges.size()) nearest = std::min(nearest, ranges[beam]);
+            }
+            const float gap = std::max(nearest - extent_[s], 0.0F);
+            out.push_back(std::log1p(gap / scales_[1]) * scales_[2]);
+        }
+        return out;
+    }
+
+    std::vector<std::int32_t> beams_;
+    std::vector<float> extent_, scales_;
+    std::vector<double> limits_, lidar_, motion_;
+    std::vector<Layer> layers_;
+    std::optional<adrl::MotionCue> cue_;
+};

@@ -1,0 +1,115 @@
+"""adrl barn."""
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from adrl import api, files
+from adrl.commands.options import console, parse, progress_bar, require_file, require_folder
+from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
+from adrl.errors import ConfigError
+from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, world_table
+from adrl.evaluation.results import write_table
+from adrl.types import RobotConfig
+from adrl.worlds import ROBOTS, BarnScenario, robot_from_fields
+from adrl.worlds.barn import TIME_LIMIT_S
+
+JACKAL = ROBOTS["jackal"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BarnOptions:
+    """Which policy drives in which of the benchmark's worlds."""
+
+    worlds: Path
+    """Folder of world_N.world and path_N.npy; these in folders worlds and paths too."""
+    policy: str
+    """astar-dwa (knows the map), or a run folder of a policy for the Jackal."""
+    v_max: float | None = None
+    """Greatest speed, m/s: faster commands of a policy are cut off here, and astar-dwa plans with it. That of the
+    robot when left out."""
+    held_out: int = 0
+    """Drive only so many of the worlds, those that training with the same --barn-held-out leaves out; 0 for all."""
+    guidance: Literal["goal", "replan", "map"] | None = None
+    """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when stuck; map:
+    a waypoint on the A* path of the known map, which the benchmark does not give. As trained when left out."""
+    trials: int = 10
+    """Runs in each world; they differ in the sensors' noise."""
+    seed: int = 0
+    """Of that noise."""
+    threads: int = 0
+    """Threads of the simulator; 0 takes one per core."""
+    out: Path | None = None
+    """Folder for episodes.parquet and summary.json."""
+    json: Path | None = None
+    """File for the summary; - prints it."""
+
+    def __post_init__(self) -> None:
+        if self.trials < 1:
+            raise ConfigError(f"trials is {self.trials}; give 1 or more")
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Drive the benchmark and print its tables."""
+    options = parse(
+        BarnOptions,
+        arguments,
+        "barn",
+        "Drive a policy in worlds of the BARN navigation benchmark, with its start, goal, time limit and score: "
+        "success * OT / clip(AT, 2 OT, 8 OT), at most 0.5.",
+    )
+    require_folder("--out", options.out)
+    require_file("--json", options.json)
+    policy, robot, v_max_mps = _driver(options)
+    scenario = BarnScenario(options.worlds, options.held_out)
+    worlds = scenario.split("test")
+    # The benchmark's time limit, not that of training.
+    tasks = [
+        dataclasses.replace(scenario.task_in(world, robot), time_limit_s=TIME_LIMIT_S) for world in worlds
+    ]
+    with progress_bar(f"driving {options.policy}") as (bar, task):
+
+        def show(ended: int, total: int) -> None:
+            bar.update(task, completed=ended / total, note=f"{ended} of {total} runs")
+
+        result = api.evaluate(
+            policy,
+            scenario=scenario,
+            robot=robot,
+            guidance=options.guidance,
+            seed=options.seed,
+            num_threads=options.threads,
+            tasks=tasks * options.trials,
+            on_step=show,
+        )
+    runs = BarnRuns(worlds=worlds, episodes=result.rollout.episodes)
+    summary = result.summary | {"v_max_mps": v_max_mps} | runs.summary()
+    if options.out is not None:
+        options.out.mkdir(parents=True, exist_ok=True)
+        write_table(options.out / "episodes.parquet", runs.to_table())
+        files.write_json(options.out / "summary.json", summary)
+    if options.json is not None and str(options.json) != "-":
+        files.write_json(options.json, summary)
+    elif options.json is not None:
+        print(files.to_json(summary))
+    console().print(world_table(summary))
+    console().print(reference_table(summary))
+    return 0
+
+
+def _driver(options: BarnOptions) -> tuple[str | MlpPolicy, RobotConfig, float]:
+    """The policy at v_max, its robot, which must have the Jackal's body, and v_max. Raises AdrlError."""
+    if options.policy == api.PLANNER:
+        v_max = JACKAL.max_speed_mps if options.v_max is None else options.v_max
+        return options.policy, dataclasses.replace(JACKAL, max_speed_mps=v_max), v_max
+    policy = load_policy(resolve_policy(options.policy))
+    robot = robot_from_fields(policy.config.robot)
+    if robot.footprint_m != JACKAL.footprint_m:
+        raise ConfigError(
+            f"policy {options.policy!r} drives robot {robot.name!r}, whose body is not the Jackal's of the benchmark; "
+            "train with --robot jackal"
+        )
+    v_max = robot.max_speed_mps if options.v_max is None else options.v_max
+    return SpeedLimited(policy, robot, v_max), robot, v_max

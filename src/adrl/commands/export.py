@@ -1,0 +1,44 @@
+"""adrl export."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Positional
+
+from adrl import files
+from adrl.commands.options import parse, require_file
+from adrl.deploy.onnx_graph import to_onnx
+from adrl.deploy.plain import to_safetensors
+from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
+from adrl.errors import ConfigError
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExportOptions:
+    """What to write, and in which form."""
+
+    policy: Positional[str]
+    """default (the shipped policy), or a run folder."""
+    onnx: bool = False
+    """An ONNX model: ranges, goal, twist and last action in, action and velocity out; the encoder is inside."""
+    safetensors: bool = False
+    """Weights and encoder tables in one file, as examples/cpp reads it."""
+    out: Path | None = None
+    """The file; policy.onnx in the run folder, or policy.plain.safetensors, when left out."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Write a policy for other programs."""
+    options = parse(ExportOptions, arguments, "export", "Write a policy for programs that are not Python.")
+    if options.onnx == options.safetensors:
+        raise ConfigError("give one of --onnx and --safetensors")
+    require_file("--out", options.out)
+    folder = resolve_policy(options.policy)
+    if options.out is None and options.policy == DEFAULT:
+        raise ConfigError("the shipped policy's folder is not yours to write to; give --out FILE")
+    out = options.out or folder / ("policy.onnx" if options.onnx else "policy.plain.safetensors")
+    policy = load_policy(folder)
+    files.atomic_write_bytes(out, to_onnx(policy) if options.onnx else to_safetensors(policy))
+    print(out)
+    return 0

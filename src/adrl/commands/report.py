@@ -1,0 +1,72 @@
+"""adrl report."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+
+from adrl import api
+from adrl.commands.options import console, parse, progress_bar, require_file
+from adrl.deploy.policy import CONFIG_FILE, WEIGHTS_FILE
+from adrl.errors import ConfigError
+from adrl.report.html import plotly_script, write_report
+from adrl.report.paper import paper_figures
+from adrl.report.source import evaluation_folders, read_json, read_source
+from adrl.worlds.place import Place
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReportOptions:
+    """What to report."""
+
+    folder: Annotated[Path, tyro.conf.Positional]
+    """Of a training run, of a comparison, or of an evaluation (adrl evaluate --out)."""
+    episodes: int = 200
+    """Test tasks to drive first where a finished run has no evaluation in its folder. For others, leave them there:
+    adrl evaluate --policy RUN --map MAP --out RUN/NAME."""
+    out: Path | None = None
+    """The HTML file; report.html in the folder when left out."""
+    figures: bool = False
+    """Also write figures for papers, PNG and PDF, to figures/ beside the HTML file."""
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Evaluate where nothing was, write the page, and say where it is."""
+    options = parse(
+        ReportOptions,
+        arguments,
+        "report",
+        "One HTML file that needs no server: curves, tables, replays, failures, and where on a map they happen.",
+    )
+    require_file("--out", options.out)
+    if options.episodes < 1:
+        raise ConfigError(f"episodes is {options.episodes}; give 1 or more")
+    plotly_script()  # is there: an evaluation would be wasted
+    folder = options.folder
+    if (folder / WEIGHTS_FILE).exists() and not evaluation_folders(folder):
+        _evaluate(folder, options.episodes)
+    source = read_source(folder)
+    out = options.out or folder / "report.html"
+    write_report(source, out)
+    for entry in source.evaluations:
+        if entry.traces is None:
+            console().print(f"{entry.label}: kept no traces, so there is no replay of it; evaluate it again")
+    print(out)
+    if options.figures:
+        for path in paper_figures(source, out.parent / "figures"):
+            print(path)
+    return 0
+
+
+def _evaluate(run: Path, episodes: int) -> None:
+    """On test tasks of the place where the policy was trained."""
+    config: dict[str, Any] = read_json(run / CONFIG_FILE)
+    place = Place.of(config.get("settings", {}))
+    with progress_bar(f"evaluating {run}") as (bar, task):
+
+        def show(ended: int, total: int) -> None:
+            bar.update(task, completed=ended / total, note=f"{ended} of {total} episodes")
+
+        api.evaluate(run, scenario=place.load(), episodes=episodes, out=run / "evaluation", on_step=show)

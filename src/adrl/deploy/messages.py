@@ -1,0 +1,90 @@
+"""What goes into a robot's control step and what comes out. Times are seconds of one clock, the caller's."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from adrl.types import Array
+
+Pose = tuple[float, float, float]
+"""x (m), y (m), yaw (rad)."""
+Twist = tuple[float, float]
+"""Forward speed (m/s), yaw rate (rad/s)."""
+
+Status = Literal["idle", "driving", "reached", "stopped", "failed"]
+"""idle: no goal. driving: on the way. reached: at the goal. stopped: on the way, but held by the reasons given, and
+going on by itself when they are gone. failed: the goal cannot be reached; it is dropped."""
+
+Reason = Literal[
+    "no_scan",
+    "scan_stale",
+    "scan_invalid",
+    "scan_sparse",
+    "scan_frozen",
+    "no_odometry",
+    "odometry_stale",
+    "odometry_invalid",
+    "odometry_frozen",
+    "odometry_jumped",
+    "clock_jumped",
+    "command_invalid",
+    "limited",
+    "unseen",
+    "obstacle",
+]
+"""Why a command is not the one asked for; docs/how-to/robot.md explains each. All but the last three stop the robot."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Scan:
+    """A LiDAR scan as sensors give it: any number of beams, either direction, infinity and NaN allowed.
+
+    +inf, or range_max_m and more: nothing within reach. NaN, or a number below range_min_m: the beam tells nothing.
+    -inf: something nearer than range_min_m (REP 117).
+    """
+
+    ranges: Array
+    """(K,) metres."""
+    angle_min_rad: float
+    """Angle of beam 0 in the sensor's frame."""
+    angle_increment_rad: float
+    """Angle from one beam to the next; below 0 for a scan that runs clockwise."""
+    range_min_m: float = 0.0
+    range_max_m: float
+    stamp_s: float
+    """When it was taken."""
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "ranges", np.asarray(self.ranges, dtype=np.float64))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Odometry:
+    """Where the robot is by its own reckoning, and how fast it drives."""
+
+    pose: Pose
+    """In the frame of the odometry."""
+    twist: Twist
+    """Measured, in the robot's frame."""
+    stamp_s: float
+    """When it was measured."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Command:
+    """What to do in the control period that begins now."""
+
+    twist: Twist
+    """To send to the base."""
+    status: Status
+    reasons: tuple[Reason, ...] = ()
+    """Why twist is not what the policy asked for; empty when it is."""
+    message: str = ""
+    """For people: why a goal failed."""
+    waypoint: tuple[float, float] | None = None
+    """Where the policy heads, in the goal's frame."""
+    plan: Array
+    """(P, 2) the way from here to the goal as far as it is known, in the goal's frame; empty without a goal."""
+    distance_m: float | None = None
+    """To the goal: along the path with guidance `map`, straight with the others."""

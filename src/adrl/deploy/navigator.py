@@ -1,0 +1,254 @@
+"""A trained policy on one robot: scans, odometry and a goal in, a velocity out. The same code as in training.
+
+    navigator = Navigator.load("runs/adrl-clutter-s0")
+    navigator.set_goal((3.0, 1.0))
+    while running:                                  # once a control period
+        command = navigator.step(scan, odometry, now_s)
+        base.send(*command.twist)
+
+No clock, no threads, no middleware: time is an argument, and the caller sends and receives.
+"""
+
+import math
+import os
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.deploy.lidar import LidarAdapter
+from adrl.deploy.messages import Command, Odometry, Pose, Reason, Scan, Status, Twist
+from adrl.deploy.policy import MlpPolicy, load_policy
+from adrl.deploy.setup import setup_of
+from adrl.deploy.supervisor import DEFAULT, Supervisor, SupervisorConfig
+from adrl.errors import ConfigError, PlanningError, UnknownName
+from adrl.motion import ScanHistory
+from adrl.observation import ObservationEncoder, in_robot_frame, to_action, to_twist
+from adrl.planning.path_guide import MapGuide
+from adrl.planning.replanner import Replanner
+from adrl.types import GUIDANCE, Array, World
+
+GOAL_TOLERANCE_M = 0.3
+"""Distance to the goal at which it is reached, as in training."""
+RELOCALISED_M = 0.5
+"""A pose on the map that jumps by so much more than the robot can drive is a new start for the path."""
+F32 = NDArray[np.float32]
+ONE = np.array([0])
+"""The only robot, where kernels take many."""
+
+
+class Navigator:
+    """Drives one robot to goals. Call step() once a control period of the robot the policy was trained on.
+
+    Goals, waypoints and plans are in the frame of the odometry, with guidance `map` in the map's.
+    """
+
+    def __init__(
+        self,
+        policy: MlpPolicy,
+        *,
+        guidance: str | None = None,
+        world: World | None = None,
+        mount: Pose | None = None,
+        zero_is_free: bool = False,
+        goal_tolerance_m: float = GOAL_TOLERANCE_M,
+        supervisor: SupervisorConfig | None = DEFAULT,
+    ) -> None:
+        """guidance: as trained when None. world: the known map of guidance `map`. mount: of the robot's LiDAR, as
+        trained when None; zero_is_free: see LidarAdapter. supervisor: None drives without one: in simulation only.
+
+        Raises CheckpointError, UnknownName and ConfigError.
+        """
+        setup = setup_of(policy)
+        self.policy = policy
+        self.robot = setup.robot
+        self.guidance = guidance or policy.config.guidance
+        _check_guidance(self.guidance, world)
+        self.goal_tolerance_m = goal_tolerance_m
+        self.supervisor = (
+            None
+            if supervisor is None
+            else Supervisor(self.robot, supervisor, mount=mount, zero_is_free=zero_is_free)
+        )
+        self.goal: tuple[float, float] | None = None
+        self._adapter = LidarAdapter(self.robot.lidar, mount, zero_is_free=zero_is_free)
+        self._encoder = ObservationEncoder(self.robot, setup.encoder)
+        steps = setup.encoder.history_steps
+        self._history = ScanHistory(1, self.robot.lidar.num_beams, steps) if steps > 0 else None
+        self._map = MapGuide(world, self.robot) if world is not None else None
+        self._replanner: Replanner | None = None
+        if self.guidance == "replan":
+            maturity = policy.config.maturity
+            self._replanner = Replanner(1, self.robot, setup.replanner, maturity=maturity)
+        self._path: Array | None = None
+        self._under_way = False
+        """A step has been driven since the robot last stood still without a goal."""
+        self._new_goal = False
+        self._interrupted = True
+        """The last step was not driven: scans before and after it are not a control period apart."""
+        self._last: tuple[Pose, float] | None = None
+        self._action = to_action(np.zeros((1, 2)), self.robot)
+
+    @classmethod
+    def load(cls, run: str | os.PathLike[str], **options: Any) -> Self:
+        """The navigator of a run folder; options are those of the constructor. Raises CheckpointError."""
+        return cls(load_policy(run), **options)
+
+    def set_goal(self, goal: tuple[float, float], path: Array | None = None) -> None:
+        """Drive to (x, y) from the next step on; on the way, turn to it there.
+
+        path: (P, 2) of another planner to follow with guidance `map`; ADRL plans its own when None. Raises ConfigError.
+        """
+        if not np.isfinite(goal).all():
+            raise ConfigError(f"goal {goal} is not finite; give metres")
+        if path is not None and self._map is None:
+            raise ConfigError(f"guidance {self.guidance} follows no path; leave it out, or give guidance map")
+        self.goal = (float(goal[0]), float(goal[1]))
+        self._path = path
+        self._new_goal = True
+
+    def cancel(self) -> None:
+        """Stop at the next step, and wait for a goal."""
+        self.goal = None
+        self._under_way = False
+
+    def step(
+        self, scan: Scan | None, odometry: Odometry | None, now_s: float, *, map_pose: Pose | None = None
+    ) -> Command:
+        """The command for the control period that begins at now_s.
+
+        scan, odometry: what has come since the last step; None for nothing. map_pose: where the robot is on the map of
+        guidance `map`; by odometry when None.
+        """
+        faults = self._watch(scan, odometry, now_s)
+        if map_pose is not None and not np.isfinite(map_pose).all():
+            faults = (*faults, "odometry_invalid")
+        if faults or self.goal is None:
+            return self._stand("idle" if self.goal is None else "stopped", now_s, faults)
+        if self.supervisor is not None:
+            scan, odometry = self.supervisor.newest()
+        assert scan is not None
+        assert odometry is not None
+        place = odometry.pose if map_pose is None or self._map is None else map_pose
+        if self._arrived(place, self.goal):
+            self.cancel()
+            return self._stand("reached", now_s)
+        try:
+            return self._drive(scan, odometry, place, self.goal, now_s)
+        except PlanningError as error:
+            self.cancel()
+            return self._stand("failed", now_s, message=str(error))
+
+    def _drive(
+        self, scan: Scan, odometry: Odometry, place: Pose, goal: tuple[float, float], now_s: float
+    ) -> Command:
+        """One step of NavSim: guidance, encoder, policy; then the supervisor. Raises PlanningError."""
+        ranges, reckoned = self._adapter(scan)[None], np.array([odometry.pose])
+        waypoint, distance_m = self._guide(ranges, reckoned, place, goal, now_s)
+        self._remember(ranges, reckoned)
+        towards = in_robot_frame(np.array([place]), np.array([waypoint]))
+        measured = np.array([odometry.twist])
+        seen = self._encoder.encode(ranges, towards, measured, self._action, self._history)
+        self._action = self.policy.act(seen)
+        twist, reasons = self._limit(now_s)
+        self._under_way, self._new_goal, self._interrupted = True, False, False
+        self._last = (place, now_s)
+        return Command(
+            twist=twist,
+            status="driving",
+            reasons=reasons,
+            waypoint=waypoint,
+            plan=self._plan(place, waypoint, goal, distance_m),
+            distance_m=distance_m,
+        )
+
+    def _watch(self, scan: Scan | None, odometry: Odometry | None, now_s: float) -> tuple[Reason, ...]:
+        if self.supervisor is not None:
+            return self.supervisor.watch(scan, odometry, now_s)
+        missing: dict[Reason, object] = {"no_scan": scan, "no_odometry": odometry}
+        return tuple(reason for reason, message in missing.items() if message is None)
+
+    def _limit(self, now_s: float) -> tuple[Twist, tuple[Reason, ...]]:
+        """What is sent instead of the policy's action."""
+        v, w = to_twist(self._action, self.robot)[0]
+        if self.supervisor is None:
+            return (float(v), float(w)), ()
+        twist, reasons = self.supervisor.limit((float(v), float(w)), now_s)
+        if "obstacle" in reasons:  # the policy sees what the base was told
+            self._action = to_action(np.array([twist]), self.robot)
+        return twist, reasons
+
+    def _stand(
+        self, status: Status, now_s: float, reasons: tuple[Reason, ...] = (), message: str = ""
+    ) -> Command:
+        if self.supervisor is not None:
+            self.supervisor.stop(now_s, reasons)
+        self._interrupted = True
+        self._action = to_action(np.zeros((1, 2)), self.robot)
+        return Command(
+            twist=(0.0, 0.0), status=status, reasons=reasons, message=message, plan=np.empty((0, 2))
+        )
+
+    def _arrived(self, place: Pose, goal: tuple[float, float]) -> bool:
+        """Whether the robot is at the goal, or has crossed its disc since the last step."""
+        before = self._last[0] if self._last is not None and not self._interrupted else place
+        a = np.array(before[:2])
+        way = np.array(place[:2]) - a
+        share = np.clip((np.array(goal) - a) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
+        return float(np.hypot(*(a + share * way - goal))) < self.goal_tolerance_m
+
+    def _guide(
+        self, ranges: F32, reckoned: Array, place: Pose, goal: tuple[float, float], now_s: float
+    ) -> tuple[tuple[float, float], float]:
+        """The waypoint, and the metres to the goal. Raises PlanningError where a map shows no way."""
+        if self._map is not None:
+            if self._new_goal and self._path is not None:
+                self._map.follow(self._path)
+            elif self._new_goal or self._relocalised(place, now_s):
+                self._map.set_goal(place, goal)
+            return self._map.waypoint(place)
+        waypoint = goal
+        if self._replanner is not None:
+            if self._new_goal:
+                targets = np.array([goal])
+                if self._under_way:
+                    self._replanner.retarget(ONE, targets)
+                else:
+                    self._replanner.reset(ONE, targets, reckoned)
+            else:
+                self._replanner.update(ranges, reckoned)
+            x, y = self._replanner.waypoints[0]
+            waypoint = (float(x), float(y))
+        return waypoint, math.dist(goal, place[:2])
+
+    def _relocalised(self, place: Pose, now_s: float) -> bool:
+        """Whether localisation has found the robot elsewhere than it can have driven to."""
+        if self._last is None:
+            return False
+        before, at_s = self._last
+        driven_m = self.robot.max_speed_mps * max(now_s - at_s, self.robot.control_period_s)
+        return math.dist(before[:2], place[:2]) > 2.0 * driven_m + RELOCALISED_M
+
+    def _remember(self, ranges: F32, reckoned: Array) -> None:
+        if self._history is None:
+            return
+        if self._interrupted:
+            self._history.begin(ONE, ranges, reckoned)
+        else:
+            self._history.add(ranges, reckoned)
+
+    def _plan(
+        self, place: Pose, waypoint: tuple[float, float], goal: tuple[float, float], left_m: float
+    ) -> Array:
+        if self._map is not None:
+            return np.concatenate([[place[:2]], self._map.remaining(left_m)])
+        return np.array([place[:2], waypoint] if waypoint == goal else [place[:2], waypoint, goal])
+
+
+def _check_guidance(guidance: str, world: World | None) -> None:
+    if guidance not in GUIDANCE:
+        raise UnknownName("guidance", guidance, GUIDANCE)
+    if guidance == "map" and world is None:
+        raise ConfigError("guidance map needs a map; give world, or guidance goal or replan")
+    if guidance != "map" and world is not None:
+        raise ConfigError(f"guidance {guidance} uses no map; leave out world, or give guidance map")

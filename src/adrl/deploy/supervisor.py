@@ -1,0 +1,281 @@
+"""The last word on what a robot is told: stop when the sensors cannot be trusted, never out-drive the brakes.
+
+It knows nothing of policies; any source of commands may be put behind it. Once a control period:
+
+    faults = supervisor.watch(scan, odometry, now_s)
+    twist, reasons = supervisor.stop(now_s) if faults else supervisor.limit(wanted, now_s)
+"""
+
+import bisect
+import logging
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl import _core
+from adrl.deploy.messages import Odometry, Pose, Reason, Scan, Twist
+from adrl.deploy.watch import SensorWatch, hits_of, sees_all_round
+from adrl.errors import ConfigError
+from adrl.types import Array, RobotConfig
+
+LOG = logging.getLogger("adrl.deploy")
+
+SLOWER = (1.0, 0.75, 0.5, 0.25, 0.0)
+"""Parts of the speed asked for that are tried in turn, at the same yaw rate."""
+STANDSTILL: Twist = (0.0, 0.0)
+REMEMBERED_S = 1.0
+"""Commands of so long ago still count when odometry is asked whether it has moved."""
+OWED_M, OWED_RAD = 0.1, 0.2
+"""Odometry that has not changed while the base was told to move by so much is frozen, or the base is stuck."""
+OWN_M, OWN_RAD = 0.02, 0.03
+"""The same for the motion that the odometry's own twist promises."""
+NEAR_M = 1.0
+"""Hits this near to the robot are remembered where the LiDAR does not look."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SupervisorConfig:
+    """Limits of trust. The robot's own, its speeds, accelerations, lag and latency, are in its RobotConfig."""
+
+    max_age_periods: float = 2.0
+    """Control periods after which a scan or odometry is too old to drive by."""
+    hold_periods: float = 2.0
+    """Control periods for which the base may go on with a command when no other comes: the time of its watchdog."""
+    margin_m: float = 0.02
+    """Distance in m kept from what the LiDAR has hit, beside half the gap between two beams there."""
+    least_told: float = 0.4
+    """Share of the field of view that the policy was trained with of which beams must tell something."""
+    largest_hole_rad: float = 0.35
+    """Widest run of beams, rad, that may tell nothing."""
+
+    def __post_init__(self) -> None:
+        for name in ("max_age_periods", "hold_periods"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 1.0):
+                raise ConfigError(f"supervisor.{name} is {value}; give 1 or more")
+        for name, most in (("margin_m", 1.0), ("least_told", 1.0), ("largest_hole_rad", 2.0 * math.pi)):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and 0.0 <= value <= most):
+                raise ConfigError(f"supervisor.{name} is {value}; give 0 to {most:.3g}")
+
+
+DEFAULT = SupervisorConfig()
+
+
+class Supervisor:
+    """Watches one robot's sensors and commands. Surroundings count as still while the robot comes to rest.
+
+    The braking check: a command is let through when the robot may act on it until the next one, or until its watchdog
+    stops it, and still come to rest without touching anything that the scan shows. Stopping is then always left for
+    the next period, so no command leads to a collision that stopping would have avoided.
+    """
+
+    def __init__(
+        self,
+        robot: RobotConfig,
+        config: SupervisorConfig | None = None,
+        *,
+        mount: Pose | None = None,
+        zero_is_free: bool = False,
+    ) -> None:
+        """mount: of the LiDAR in the robot's frame, the RobotConfig's when None; zero_is_free: see LidarAdapter."""
+        self.robot = robot
+        self.config = config or SupervisorConfig()
+        lidar = robot.lidar
+        self.mount = mount or (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad)
+        self._zero_is_free = zero_is_free
+        self._period_s = robot.control_period_s
+        self._sensors = SensorWatch(
+            robot,
+            max_age_s=self.config.max_age_periods * self._period_s,
+            least_told=self.config.least_told,
+            largest_hole_rad=self.config.largest_hole_rad,
+            zero_is_free=zero_is_free,
+        )
+        response = (robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2, robot.lag_s)
+        self._base = _core.Braking(robot.radius_m or 0.0, robot.polygon, response, self._period_s)
+        self._told: tuple[str, ...] = ()
+        self._now_s = -math.inf
+        self._commands: deque[tuple[float, Twist]] = deque()
+        """When each command was sent, and what."""
+        self._unchanged_since: Odometry | None = None
+        self._scan_s = -math.inf
+        """Stamp of the scan that the hits are of."""
+        self._hits: Array = np.empty((0, 3))
+        self._hidden: Array = np.empty((0, 3))
+        """(M, 3) x, y in the odometry's frame and clearance to keep: of the scan, and of where it does not look."""
+
+    def watch(self, scan: Scan | None, odometry: Odometry | None, now_s: float) -> tuple[Reason, ...]:
+        """Take in what came since the last call, None for nothing; the reasons to stop, none when all is well."""
+        if not math.isfinite(now_s):
+            return ("clock_jumped",)
+        if now_s < self._now_s:  # the base goes on with what it was told last
+            last = self._commands[-1][1] if self._commands else STANDSTILL
+            self._commands = deque([(now_s - self.robot.latency_s, last)])
+            self._unchanged_since, self._scan_s = None, -math.inf
+        self._now_s = now_s
+        faults = self._sensors.take(scan, odometry, now_s)
+        if "odometry_jumped" in faults or "clock_jumped" in faults:
+            self._hits = self._hidden = np.empty((0, 3))
+        return (*faults, "odometry_frozen") if self._odometry_frozen() else faults
+
+    def newest(self) -> tuple[Scan, Odometry]:
+        """What to drive by, after watch() found no fault."""
+        scan, odometry = self._sensors.scan, self._sensors.odometry[-1]
+        assert scan is not None
+        return scan, odometry
+
+    def stop(self, now_s: float, reasons: tuple[Reason, ...] = ()) -> tuple[Twist, tuple[Reason, ...]]:
+        """Stand still. Returns what was sent, and the reasons as they are."""
+        return self._send(STANDSTILL, reasons, now_s)
+
+    def limit(self, wanted: Twist, now_s: float) -> tuple[Twist, tuple[Reason, ...]]:
+        """The command nearest to the wanted one that is safe, and why it is not the same; after watch() without faults.
+
+        Within the robot's limits; then slowed, at the same yaw rate, until the braking check passes; else a stop.
+        """
+        if not np.isfinite(wanted).all():
+            return self.stop(now_s, ("command_invalid",))
+        scan, odometry = self.newest()
+        pose, twist = self._base.roll(odometry.pose, odometry.twist, self._orders(odometry.stamp_s, now_s))
+        pending = self._orders(now_s, now_s + self.robot.latency_s)
+        _, starting = self._base.roll((0.0, 0.0, 0.0), twist, pending)
+        reasons: list[Reason] = []
+        command = self._within_limits(wanted, starting)
+        if math.dist(command, wanted) > 1e-6:
+            reasons.append("limited")
+        if command[0] < 0.0 and not sees_all_round(scan):
+            command = (0.0, command[1])
+            reasons.append("unseen")
+        hits = self._known_hits(scan, pose)
+        speeds = dict.fromkeys(part * command[0] for part in SLOWER)
+        choices = [(speed, command[1]) for speed in speeds]
+        chosen = next(
+            (choice for choice in choices if self._can_stop(choice, twist, pending, hits)), STANDSTILL
+        )
+        if chosen != command:
+            reasons.append("obstacle")
+        return self._send(chosen, tuple(reasons), now_s)
+
+    def _send(
+        self, twist: Twist, reasons: tuple[Reason, ...], now_s: float
+    ) -> tuple[Twist, tuple[Reason, ...]]:
+        if math.isfinite(now_s):
+            self._commands.append((now_s, twist))
+        oldest_s = now_s - REMEMBERED_S - self.robot.latency_s
+        while len(self._commands) > 1 and self._commands[1][0] < oldest_s:
+            self._commands.popleft()
+        grave = tuple(reason for reason in reasons if reason != "limited")
+        if grave != self._told:
+            usual = not grave or set(grave) <= {"obstacle", "unseen"}
+            LOG.log(
+                logging.INFO if usual else logging.WARNING,
+                "%s",
+                f"held: {', '.join(grave)}" if grave else "released",
+            )
+            self._told = grave
+        return twist, reasons
+
+    def _within_limits(self, wanted: Twist, twist: Twist) -> Twist:
+        """The command clipped to the robot's speeds and to what its acceleration makes of it in a period."""
+        robot, period_s = self.robot, self._period_s
+        # A base that lags behind covers this part of the way to its command.
+        covered = -math.expm1(-period_s / robot.lag_s) if robot.lag_s > 0.0 else 1.0
+        change = robot.max_acceleration_mps2 * period_s / covered
+        turn_change = robot.max_yaw_acceleration_radps2 * period_s / covered
+        v = min(max(wanted[0], twist[0] - change), twist[0] + change)
+        w = min(max(wanted[1], twist[1] - turn_change), twist[1] + turn_change)
+        fastest_turn = robot.max_yaw_rate_radps
+        return (
+            min(max(v, robot.min_speed_mps), robot.max_speed_mps),
+            min(max(w, -fastest_turn), fastest_turn),
+        )
+
+    def _can_stop(self, command: Twist, twist: Twist, pending: Array, hits: Array) -> bool:
+        """Whether the robot stays clear if the next command comes in time, and if the watchdog has to stop it."""
+        for periods in dict.fromkeys((1.0, self.config.hold_periods)):
+            orders = np.concatenate([pending, [[*command, periods * self._period_s]]])
+            if not self._base.stays_clear(twist, orders, hits):
+                return False
+        return True
+
+    def _orders(self, start_s: float, end_s: float) -> Array:
+        """(S, 3) what the base acts on from one time to another: speed, yaw rate, seconds."""
+        latency_s = self.robot.latency_s
+        begins = [sent_s + latency_s for sent_s, _ in self._commands] or [end_s]
+        rows = [(*STANDSTILL, min(begins[0], end_s) - start_s)]
+        for (_, twist), begin_s, until_s in zip(
+            self._commands, begins, [*begins[1:], math.inf], strict=False
+        ):
+            rows.append((*twist, min(until_s, end_s) - max(begin_s, start_s)))
+        return np.array([row for row in rows if row[2] > 1e-9]).reshape(-1, 3)
+
+    def _pose_at(self, time_s: float) -> Pose:
+        """Where odometry says, or lets expect, the robot at a time of late."""
+        known = self._sensors.odometry
+        if time_s >= known[-1].stamp_s:
+            orders = self._orders(known[-1].stamp_s, time_s)
+            return self._base.roll(known[-1].pose, known[-1].twist, orders)[0]
+        later = bisect.bisect_left([message.stamp_s for message in known], time_s)
+        if later == 0:  # older than all that is known
+            return known[0].pose
+        before, after = known[later - 1], known[later]
+        share = (time_s - before.stamp_s) / (after.stamp_s - before.stamp_s)
+        turn = math.remainder(after.pose[2] - before.pose[2], 2.0 * math.pi)
+        x, y = (a + share * (b - a) for a, b in zip(before.pose[:2], after.pose[:2], strict=True))
+        return x, y, before.pose[2] + share * turn
+
+    def _known_hits(self, scan: Scan, pose: Pose) -> Array:
+        """(M, 3) what a robot at a pose has about it: x, y in its frame, and the clearance to keep."""
+        if scan.stamp_s != self._scan_s:
+            self._scan_s = scan.stamp_s
+            at = self._pose_at(scan.stamp_s)
+            before = np.concatenate([self._hits, self._hidden])
+            self._hits = _placed(self._seen(scan), at)
+            self._hidden = before[self._out_of_view(scan, _seen_from(before, at))]
+        return _seen_from(np.concatenate([self._hits, self._hidden]), pose)
+
+    def _seen(self, scan: Scan) -> Array:
+        return hits_of(scan, self.mount, self.config.margin_m, zero_is_free=self._zero_is_free)
+
+    def _out_of_view(self, scan: Scan, points: Array) -> NDArray[np.bool_]:
+        """(M,) which points near the robot, in its frame, lie where the scan does not look."""
+        if sees_all_round(scan):
+            return np.zeros(len(points), dtype=bool)
+        x, y = points[:, 0] - self.mount[0], points[:, 1] - self.mount[1]
+        sign = math.copysign(1.0, scan.angle_increment_rad)
+        along = np.remainder(sign * (np.arctan2(y, x) - self.mount[2] - scan.angle_min_rad), 2.0 * math.pi)
+        hidden = along > (len(scan.ranges) - 1) * abs(scan.angle_increment_rad)
+        return hidden & (np.hypot(points[:, 0], points[:, 1]) < self.robot.circumscribed_radius_m + NEAR_M)
+
+    def _odometry_frozen(self) -> bool:
+        """Whether odometry stands still while it says itself that the robot moves, or the base was told to for long."""
+        if not self._sensors.odometry:
+            return False
+        newest, since = self._sensors.odometry[-1], self._unchanged_since
+        if since is None or (since.pose, since.twist) != (newest.pose, newest.twist):
+            self._unchanged_since = newest
+            return False
+        passed_s = newest.stamp_s - since.stamp_s
+        if abs(newest.twist[0]) * passed_s > OWN_M or abs(newest.twist[1]) * passed_s > OWN_RAD:
+            return True
+        orders = self._orders(max(since.stamp_s, newest.stamp_s - REMEMBERED_S), newest.stamp_s)
+        owed_m, owed_rad = np.abs(orders[:, :2]).T @ orders[:, 2]
+        return bool(owed_m > OWED_M or owed_rad > OWED_RAD)
+
+
+def _placed(points: Array, pose: Pose) -> Array:
+    """(M, 3) x, y in the frame of a pose -> in the frame that the pose is given in."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y, margin = points.T
+    return np.stack([pose[0] + c * x - s * y, pose[1] + s * x + c * y, margin], axis=1)
+
+
+def _seen_from(points: Array, pose: Pose) -> Array:
+    """The inverse of _placed."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y = points[:, 0] - pose[0], points[:, 1] - pose[1]
+    return np.stack([c * x + s * y, c * y - s * x, points[:, 2]], axis=1)

@@ -1,0 +1,173 @@
+"""Whether a robot's scan and odometry can be driven by: new enough, whole, and alive."""
+
+import math
+from collections import deque
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.deploy.lidar import beam_angles, readings
+from adrl.deploy.messages import Odometry, Pose, Reason, Scan
+from adrl.types import Array, RobotConfig
+
+EARLY_PERIODS = 0.5
+"""Stamps may be this much ahead of the clock: sensors have clocks of their own."""
+MOVED_M, MOVED_RAD = 0.01, 0.02
+"""A robot that has moved by so much sees something change."""
+KEPT = 32
+"""Odometry messages that are remembered: scans are older than odometry."""
+IMPLAUSIBLE = 2.0
+"""Odometry of more than so many times the robot's greatest speeds is a fault."""
+SLIP_M, SLIP_RAD = 0.1, 0.2
+"""Odometry may jump by so much beyond what the robot can drive."""
+
+
+class SensorWatch:
+    """The newest good scan and odometry, and what is wrong with them."""
+
+    def __init__(
+        self,
+        robot: RobotConfig,
+        *,
+        max_age_s: float,
+        least_told: float,
+        largest_hole_rad: float,
+        zero_is_free: bool,
+    ) -> None:
+        self.robot = robot
+        self._max_age_s = max_age_s
+        self._least_told = least_told
+        self._largest_hole_rad = largest_hole_rad
+        self._zero_is_free = zero_is_free
+        self._now_s = -math.inf
+        self.forget()
+
+    def forget(self) -> None:
+        """As if nothing had ever been received."""
+        self.scan: Scan | None = None
+        self.odometry: deque[Odometry] = deque(maxlen=KEPT)
+        self._content = b""
+        self._first_seen_at: Pose | None = None
+        self._frozen = False
+
+    def take(self, scan: Scan | None, odometry: Odometry | None, now_s: float) -> tuple[Reason, ...]:
+        """Take in what came since the last call, in any order and of any quality; why not to drive by it."""
+        faults: list[Reason] = []
+        if not now_s >= self._now_s:  # not a number neither
+            self.forget()
+            faults.append("clock_jumped")
+        self._now_s = now_s
+        early_s = EARLY_PERIODS * self.robot.control_period_s
+        if any(message is not None and message.stamp_s > now_s + early_s for message in (scan, odometry)):
+            faults.append("clock_jumped")
+        if odometry is not None and odometry.stamp_s <= now_s + early_s:
+            faults += self._take_odometry(odometry)
+        if scan is not None and scan.stamp_s <= now_s + early_s:
+            faults += self._take_scan(scan)
+        faults += self._ages(now_s)
+        if self.scan is not None:
+            faults += self._doubts(self.scan)
+        return tuple(dict.fromkeys(faults))
+
+    def _ages(self, now_s: float) -> list[Reason]:
+        last = self.odometry[-1] if self.odometry else None
+        oldest_s = now_s - self._max_age_s - 1e-6
+        faults: list[Reason] = []
+        if self.scan is None:
+            faults.append("no_scan")
+        elif self.scan.stamp_s < oldest_s:
+            faults.append("scan_stale")
+        if last is None:
+            faults.append("no_odometry")
+        elif last.stamp_s < oldest_s:
+            faults.append("odometry_stale")
+        return faults
+
+    def _take_odometry(self, odometry: Odometry) -> list[Reason]:
+        v, w = odometry.twist
+        fastest = max(self.robot.max_speed_mps, -self.robot.min_speed_mps)
+        plausible = abs(v) <= IMPLAUSIBLE * fastest and abs(w) <= IMPLAUSIBLE * self.robot.max_yaw_rate_radps
+        if not (plausible and np.isfinite([*odometry.pose, odometry.stamp_s]).all()):
+            return ["odometry_invalid"]
+        last = self.odometry[-1] if self.odometry else None
+        if last is not None and odometry.stamp_s <= last.stamp_s:
+            return []
+        jumped = last is not None and self._is_jump(last, odometry)
+        if jumped:  # older poses are of another place
+            self.odometry.clear()
+            self._first_seen_at = None
+        self.odometry.append(odometry)
+        return ["odometry_jumped"] if jumped else []
+
+    def _is_jump(self, last: Odometry, new: Odometry) -> bool:
+        passed_s = new.stamp_s - last.stamp_s
+        fastest = max(self.robot.max_speed_mps, -self.robot.min_speed_mps)
+        moved_m, turned_rad = moved(last.pose, new.pose)
+        return (
+            moved_m > IMPLAUSIBLE * fastest * passed_s + SLIP_M
+            or turned_rad > IMPLAUSIBLE * self.robot.max_yaw_rate_radps * passed_s + SLIP_RAD
+        )
+
+    def _take_scan(self, scan: Scan) -> list[Reason]:
+        about = (scan.angle_min_rad, scan.angle_increment_rad, scan.stamp_s)
+        if not (scan.ranges.ndim == 1 and scan.ranges.size > 0 and np.isfinite(about).all()) or (
+            scan.angle_increment_rad == 0.0 or not scan.range_max_m > 0.0
+        ):
+            return ["scan_invalid"]
+        if self.scan is not None and scan.stamp_s <= self.scan.stamp_s:
+            return []  # overtaken by a newer one
+        self.scan = scan
+        content = scan.ranges.tobytes()
+        here = self.odometry[-1].pose if self.odometry else None
+        if content != self._content or self._first_seen_at is None or here is None:
+            self._content, self._first_seen_at, self._frozen = content, here, False
+        else:
+            moved_m, turned_rad = moved(self._first_seen_at, here)
+            self._frozen = moved_m > MOVED_M or turned_rad > MOVED_RAD
+        return []
+
+    def _doubts(self, scan: Scan) -> list[Reason]:
+        """What is wrong with the scan itself."""
+        ranges, told = readings(scan, zero_is_free=self._zero_is_free)
+        if not told.any():
+            return ["scan_invalid"]
+        told_rad = np.count_nonzero(told) * abs(scan.angle_increment_rad)
+        needed_rad = self._least_told * self.robot.lidar.fov_rad
+        if told_rad < needed_rad or widest_hole_rad(scan, told) > self._largest_hole_rad:
+            return ["scan_sparse"]
+        # Where nothing is in reach, scans are alike.
+        return ["scan_frozen"] if self._frozen and np.isfinite(ranges).any() else []
+
+
+def sees_all_round(scan: Scan) -> bool:
+    """Whether its beams go round the full circle."""
+    return (len(scan.ranges) + 0.5) * abs(scan.angle_increment_rad) > 2.0 * math.pi
+
+
+def widest_hole_rad(scan: Scan, told: NDArray[np.bool_]) -> float:
+    """The widest run of beams that tell nothing, as an angle; round the back for a full circle."""
+    numbers = np.flatnonzero(told)
+    around = (numbers[-1] - len(told), numbers[0] + len(told))
+    ends = around if sees_all_round(scan) else (-1, len(told))
+    runs = np.diff(np.concatenate([ends[:1], numbers, ends[1:]])) - 1
+    return float(runs.max()) * abs(scan.angle_increment_rad)
+
+
+def moved(before: Pose, after: Pose) -> tuple[float, float]:
+    """Metres and radians between two poses."""
+    turn = math.remainder(after[2] - before[2], 2.0 * math.pi)
+    return math.hypot(after[0] - before[0], after[1] - before[1]), abs(turn)
+
+
+def hits_of(scan: Scan, mount: Pose, margin_m: float, *, zero_is_free: bool) -> Array:
+    """(M, 3) x, y in the robot's frame of what the scan has hit, and the clearance to keep of it.
+
+    That is margin_m and half the gap between two beams at that range: no surface hides between two hits.
+    """
+    ranges, told = readings(scan, zero_is_free=zero_is_free)
+    hit = told & np.isfinite(ranges)
+    angles, ranges = beam_angles(scan)[hit] + mount[2], ranges[hit]
+    gap = 0.5 * abs(scan.angle_increment_rad) * ranges
+    return np.stack(
+        [mount[0] + ranges * np.cos(angles), mount[1] + ranges * np.sin(angles), margin_m + gap], axis=1
+    )

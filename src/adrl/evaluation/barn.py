@@ -1,0 +1,208 @@
+"""The BARN benchmark's score of runs, and the table of a set of worlds."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from adrl.deploy.policy import MlpPolicy
+from adrl.errors import ConfigError
+from adrl.evaluation.metrics import Episodes
+from adrl.evaluation.statistics import Interval, bootstrap_mean
+from adrl.types import RobotConfig
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from rich.table import Table
+
+    from adrl.worlds.barn import BarnWorld
+
+Array = NDArray[np.float64]
+F32 = NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """A published row: Gazebo runs of others on this benchmark."""
+
+    policy: str
+    v_max_mps: float | None
+    success: float
+    score: float | None
+
+
+REFERENCES = (
+    Reference(policy="DWA", v_max_mps=0.5, success=0.85, score=0.159),
+    Reference(policy="end-to-end TD3, trained on these 50", v_max_mps=None, success=0.65, score=None),
+    Reference(policy="DRL-VO (PPO)", v_max_mps=None, success=0.936, score=0.372),
+    Reference(policy="LiCS (imitation)", v_max_mps=None, success=0.98, score=0.489),
+)
+
+
+def scores(success: ArrayLike, time_s: ArrayLike, optimal_time_s: ArrayLike) -> Array:
+    """(E,) score of each run: success * OT / clip(AT, 2 OT, 8 OT), between 0.5 at twice the optimal time and 0.125.
+
+    AT counts from the start of the episode. The benchmark starts its clock when the robot has moved 0.1 m.
+    """
+    optimal = np.asarray(optimal_time_s, dtype=np.float64)
+    return np.asarray(success) * optimal / np.clip(time_s, 2.0 * optimal, 8.0 * optimal)
+
+
+class SpeedLimited(MlpPolicy):
+    """A policy whose speed commands are cut off at v_max; it sees how fast it drives, so this is nothing new to it.
+
+    robot: the one it drives. Raises ConfigError for a limit that the robot's own makes void, or that stops it.
+    """
+
+    def __init__(self, policy: MlpPolicy, robot: RobotConfig, v_max_mps: float) -> None:
+        super().__init__(policy.layers, policy.config)
+        if not 0.0 < v_max_mps <= robot.max_speed_mps:
+            raise ConfigError(
+                f"v_max is {v_max_mps} m/s; give more than 0 and at most the {robot.max_speed_mps} m/s that the policy "
+                "was trained with"
+            )
+        span_mps = robot.max_speed_mps - robot.min_speed_mps
+        self._most = np.float32(2.0 * (v_max_mps - robot.min_speed_mps) / span_mps - 1.0)
+
+    def act(self, observation: F32) -> F32:
+        """(N, D) observations -> (N, 2) actions in [-1, 1]: speed, yaw rate."""
+        actions = super().act(observation)
+        np.minimum(actions[:, 0], self._most, out=actions[:, 0])
+        return actions
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BarnRuns:
+    """Runs of one policy: episode i was trial i // W in world i % W of the W."""
+
+    worlds: Sequence["BarnWorld"]
+    episodes: Episodes
+
+    @property
+    def trials(self) -> int:
+        """Runs in each world."""
+        return len(self.episodes) // len(self.worlds)
+
+    @property
+    def optimal_time_s(self) -> Array:
+        """(E,) OT of each run."""
+        return np.tile([world.optimal_time_s for world in self.worlds], self.trials)
+
+    @property
+    def scores(self) -> Array:
+        """(E,) score of each run."""
+        return scores(self.episodes.success, self.episodes.time_s, self.optimal_time_s)
+
+    def by_world(self, values: ArrayLike) -> Array:
+        """(E,) -> (W,) means over the trials of each world."""
+        return np.asarray(values, dtype=np.float64).reshape(self.trials, len(self.worlds)).mean(axis=0)
+
+    def interval(self, values: ArrayLike) -> Interval:
+        """Mean of (E,) with a bootstrap interval over worlds: trials in one world are alike."""
+        return bootstrap_mean(self.by_world(values))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """One row a world."""
+        episodes = self.episodes
+        means = {name: self.by_world(getattr(episodes, name)) for name in ("success", "collision", "timeout")}
+        means["score"] = self.by_world(self.scores)
+        arrived = self.by_world(episodes.success * episodes.time_s)
+        rows = []
+        for i, world in enumerate(self.worlds):
+            row = {"world": world.number, "path_m": world.path_m, "optimal_time_s": world.optimal_time_s}
+            row |= {name: float(mean[i]) for name, mean in means.items()}
+            share = means["success"][i]
+            rows.append(row | {"time_s": float(arrived[i] / share) if share > 0.0 else None})
+        return rows
+
+    def summary(self) -> dict[str, Any]:
+        """Success, endings and score of all worlds, each with _low and _high, and the rows."""
+        entries: dict[str, Any] = {"worlds": len(self.worlds), "trials": self.trials}
+        columns = {name: getattr(self.episodes, name) for name in ("success", "collision", "timeout")}
+        for name, values in (columns | {"score": self.scores}).items():
+            estimate, low, high = self.interval(values)
+            ends = (low, high) if len(self.worlds) > 1 else (None, None)
+            entries |= {name: estimate, f"{name}_low": ends[0], f"{name}_high": ends[1]}
+        return entries | {"per_world": self.rows()}
+
+    def to_table(self) -> "pa.Table":
+        """The episodes' table with the columns world, trial, optimal_time_s and score."""
+        import pyarrow as pa
+
+        table, count = self.episodes.to_table(), len(self.worlds)
+        columns = {
+            "world": np.tile([world.number for world in self.worlds], self.trials),
+            "trial": np.repeat(np.arange(self.trials), count),
+            "optimal_time_s": self.optimal_time_s,
+            "score": self.scores,
+        }
+        for name, column in columns.items():
+            table = table.append_column(name, pa.array(column))
+        return table
+
+
+def world_table(summary: Mapping[str, Any]) -> "Table":
+    """A rich table, one row a world."""
+    table = _table(
+        f"{summary['policy']}, v_max {summary['v_max_mps']:g} m/s, {summary['trials']} trials a world"
+    )
+    for heading in (
+        "world",
+        "path\nm",
+        "OT\ns",
+        "success\n%",
+        "collision\n%",
+        "timeout\n%",
+        "Av.T\ns",
+        "score\n",
+    ):
+        table.add_column(heading, justify="right")
+    for row in summary["per_world"]:
+        rates = (f"{100 * row[name]:.0f}" for name in ("success", "collision", "timeout"))
+        time_s = "-" if row["time_s"] is None else f"{row['time_s']:.1f}"
+        table.add_row(
+            str(row["world"]),
+            f"{row['path_m']:.2f}",
+            f"{row['optimal_time_s']:.2f}",
+            *rates,
+            time_s,
+            f"{row['score']:.3f}",
+        )
+    return table
+
+
+def reference_table(summary: Mapping[str, Any]) -> "Table":
+    """A rich table: our row with its intervals, and the published ones."""
+    table = _table(f"{summary['worlds']} worlds x {summary['trials']} trials; intervals over worlds")
+    table.add_column("policy")
+    for heading in ("v_max\nm/s", "success\n%", "score\n"):
+        table.add_column(heading, justify="right")
+    success, score = (_with_ends(summary, *column) for column in (("success", 100.0, 1), ("score", 1.0, 3)))
+    table.add_row(str(summary["policy"]), f"{summary['v_max_mps']:g}", success, score)
+    for row in REFERENCES:
+        table.add_row(
+            row.policy,
+            "-" if row.v_max_mps is None else f"{row.v_max_mps:g}",
+            f"{100 * row.success:.1f}",
+            "-" if row.score is None else f"{row.score:.3f}",
+            style="dim",
+        )
+    return table
+
+
+def _table(title: str) -> "Table":
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    return Table(
+        title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False
+    )
+
+
+def _with_ends(summary: Mapping[str, Any], name: str, scale: float, decimals: int) -> str:
+    estimate, low, high = (summary[name + suffix] for suffix in ("", "_low", "_high"))
+    text = f"{scale * estimate:.{decimals}f}"
+    return text if low is None else f"{text} [{scale * low:.{decimals}f}, {scale * high:.{decimals}f}]"

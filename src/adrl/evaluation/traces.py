@@ -1,0 +1,329 @@
+"""The course of chosen episodes, step by step: what a replay shows. Recorded as they are driven, kept in one file."""
+
+import json
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from safetensors import SafetensorError, safe_open
+from safetensors.numpy import save as pack_safetensors
+
+from adrl import files
+from adrl.envs.nav_sim import NavSim, Outcome
+from adrl.errors import AdrlError, CheckpointError
+from adrl.evaluation.metrics import RATES
+from adrl.observation import in_robot_frame
+from adrl.rewards import RewardConfig, weights
+from adrl.types import Array, OccupancyGrid, RobotConfig, Task, World
+from adrl.worlds import robot_from_fields
+
+SCHEMA_VERSION = 1
+TRACES_FILE = "traces.safetensors"
+FAILURES, ARRIVALS = 24, 8
+"""Episodes of each kind that are kept, the first of the split."""
+ROUTE_SPACING_S = 0.5
+"""Time between the points of the routes, which are kept of all episodes."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Trace:
+    """One episode of T control periods. Rows of (T + 1, ...) arrays are states, the start first; of (T, ...) steps."""
+
+    task: int
+    """Number of the task in its split."""
+    ending: str
+    """One of RATES."""
+    world: World
+    goal: tuple[float, float]
+    goal_tolerance_m: float
+    path: Array
+    """(P, 2) the task's A* path."""
+    time_s: Array
+    """(T + 1,) control periods; a collision ends the last one early."""
+    pose: Array
+    """(T + 1, 3) x, y, yaw: where the robot is."""
+    twist: Array
+    """(T + 1, 2) speed in m/s and yaw rate in rad/s."""
+    waypoint: Array
+    """(T + 1, 2) what the policy heads for, where its own odometry makes it believe that to be."""
+    clearance: Array
+    """(T + 1,) metres from the footprint to the nearest obstacle, at most 1."""
+    ranges: NDArray[np.float16]
+    """(T + 1, K) the scan, as the policy got it."""
+    weights: Array
+    """(T, R) weights w'_i of the step's reward (eqs 14-16)."""
+    paid: Array
+    """(T, R) each term's part of the step's reward: scale * w'_i * r_i (eq 17)."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Traces:
+    """What one evaluation keeps."""
+
+    robot: RobotConfig
+    guidance: str
+    maturity: float
+    """S of the reward's weights."""
+    world: World | None
+    """The world of all tasks, None where they differ."""
+    episodes: list[Trace]
+    tasks: NDArray[np.int32]
+    """(E,) number of every task that was driven."""
+    routes: list[Array]
+    """E routes (P, 2), positions ROUTE_SPACING_S apart, the last one included."""
+
+
+_STATES = ("time_s", "pose", "twist", "waypoint", "clearance", "ranges")
+_STEPS = ("weights", "paid")
+
+
+@dataclass
+class _Log:
+    """Rows of the robots that were driving, step after step."""
+
+    robot: list[NDArray[np.intp]] = field(default_factory=list)
+    values: dict[str, list[NDArray[Any]]] = field(default_factory=dict)
+
+    def add(self, rows: NDArray[np.intp], **values: NDArray[Any]) -> None:
+        self.robot.append(rows)
+        for name, value in values.items():
+            self.values.setdefault(name, []).append(value[rows])
+
+    def of(self, robots: Sequence[int]) -> list[dict[str, NDArray[Any]]]:
+        """The columns of each of these robots, in the order of time."""
+        if not self.robot:
+            return [{} for _ in robots]
+        whose = np.concatenate(self.robot)
+        columns = {name: np.concatenate(parts) for name, parts in self.values.items()}
+        return [{name: column[whose == i] for name, column in columns.items()} for i in robots]
+
+
+class Recorder:
+    """Watches a rollout: begin, add after every step, end; then again for the next chunk of tasks."""
+
+    def __init__(
+        self,
+        reward: RewardConfig | None = None,
+        maturity: float = 0.0,
+        *,
+        failures: int = FAILURES,
+        arrivals: int = ARRIVALS,
+    ) -> None:
+        """reward, maturity: of the weights that are shown. failures, arrivals: how many of each to keep."""
+        self._reward = reward or RewardConfig()
+        self._maturity = maturity
+        self._left = {True: arrivals, False: failures}
+        self._episodes: list[Trace] = []
+        self._tasks: list[Task] = []
+        self._numbers: list[int] = []
+        self._routes: list[Array] = []
+        self._robot, self._guidance = RobotConfig(), "goal"
+        self._chunk: list[Task] = []
+        self._chunk_numbers: NDArray[np.int64] = np.empty(0, np.int64)
+        self._last: Array = np.empty((0, 3))
+        self._step, self._every = 0, 1
+
+    def begin(self, sim: NavSim, numbers: NDArray[np.int64]) -> None:
+        """Robots of the simulator stand at the starts of the tasks with these numbers in their split."""
+        self._robot, self._guidance = sim.robot, sim.guidance
+        self._chunk = [task for task in sim.tasks if task is not None]
+        self._chunk_numbers = numbers
+        self._states, self._steps, self._points = _Log(), _Log(), _Log()
+        self._every = max(1, round(ROUTE_SPACING_S / sim.robot.control_period_s))
+        self._step = 0
+        self._add_state(sim, np.arange(sim.num_envs))
+
+    def add(self, sim: NavSim, active: NDArray[np.bool_], outcome: Outcome) -> None:
+        """One step of the robots that were driving, (N,) active."""
+        rows = np.flatnonzero(active)
+        weight = weights(outcome.features, self._maturity, self._reward)
+        paid = self._reward.scale * weight * outcome.reward_terms
+        self._steps.add(rows, weights=weight, paid=paid)
+        self._step += 1
+        self._add_state(sim, rows)
+
+    def end(self, ending: NDArray[np.bool_]) -> None:
+        """(3, N) which of RATES each robot came to. Keeps what is to be kept of the chunk."""
+        chosen = []
+        for i, arrived in enumerate(ending[0]):
+            if self._left[bool(arrived)] > 0:
+                self._left[bool(arrived)] -= 1
+                chosen.append(i)
+        for i, states, steps in zip(chosen, self._states.of(chosen), self._steps.of(chosen), strict=True):
+            task = self._chunk[i]
+            none = np.empty((0, 6), np.float32)
+            self._episodes.append(
+                Trace(
+                    task=int(self._chunk_numbers[i]),
+                    ending=RATES[int(ending[:, i].argmax())],
+                    world=task.world,
+                    goal=task.goal,
+                    goal_tolerance_m=task.goal_tolerance_m,
+                    path=task.path,
+                    **states,
+                    **{name: steps.get(name, none) for name in _STEPS},
+                )
+            )
+        points = self._points.of(range(len(self._chunk)))
+        for i, columns in enumerate(points):
+            self._routes.append(np.concatenate([columns["place"], self._last[i : i + 1, :2]]))
+        self._tasks += self._chunk
+        self._numbers += self._chunk_numbers.tolist()
+
+    def traces(self) -> Traces:
+        """What was kept."""
+        worlds = {id(task.world): task.world for task in self._tasks}
+        return Traces(
+            robot=self._robot,
+            guidance=self._guidance,
+            maturity=self._maturity,
+            world=next(iter(worlds.values())) if len(worlds) == 1 else None,
+            episodes=self._episodes,
+            tasks=np.array(self._numbers, np.int32),
+            routes=self._routes,
+        )
+
+    def _add_state(self, sim: NavSim, rows: NDArray[np.intp]) -> None:
+        b = sim.b
+        waypoint = b["waypoint"].copy()
+        if self._guidance != "map":  # given in the odometry's frame
+            waypoint = _in_world(b["pose"], in_robot_frame(b["odometry"], waypoint))
+        self._states.add(
+            rows,
+            time_s=b["time"],
+            pose=b["pose"],
+            twist=b["twist"],
+            waypoint=waypoint,
+            clearance=np.minimum(b["clearance"], 1.0),
+            ranges=b["ranges"].astype(np.float16),
+        )
+        if self._step % self._every == 0:
+            self._points.add(rows, place=b["pose"][:, :2])
+        self._last = b["pose"]
+
+
+def _in_world(pose: Array, points: Array) -> Array:
+    """Inverse of in_robot_frame."""
+    cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    x, y = points.T
+    return pose[:, :2] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
+
+
+def write_traces(path: str | os.PathLike[str], traces: Traces) -> None:
+    """Write them to one safetensors file, at once. A world that several episodes share is there once."""
+    worlds: dict[int, World] = {id(trace.world): trace.world for trace in traces.episodes}
+    if traces.world is not None:
+        worlds[id(traces.world)] = traces.world
+    place = {key: number for number, key in enumerate(worlds)}
+    tensors: dict[str, NDArray[Any]] = {"routes.task": traces.tasks}
+    tensors["routes.size"] = np.array([len(route) for route in traces.routes], np.int32)
+    tensors["routes.xy"] = np.concatenate([*traces.routes, np.empty((0, 2))]).astype(np.float32)
+    for number, world in enumerate(worlds.values()):
+        tensors |= {f"world.{number}.{name}": array for name, array in _world_arrays(world).items()}
+    for number, trace in enumerate(traces.episodes):
+        tensors[f"episode.{number}.path"] = trace.path
+        for name in (*_STATES, *_STEPS):
+            array = np.asarray(getattr(trace, name))
+            tensors[f"episode.{number}.{name}"] = array.astype(np.float16 if name == "ranges" else np.float32)
+    about = {
+        "schema_version": SCHEMA_VERSION,
+        "robot": asdict(traces.robot),
+        "guidance": traces.guidance,
+        "maturity": traces.maturity,
+        "world": None if traces.world is None else place[id(traces.world)],
+        "worlds": [_world_about(world) for world in worlds.values()],
+        "episodes": [
+            {"task": t.task, "ending": t.ending, "world": place[id(t.world)]}
+            | {"goal": list(t.goal), "goal_tolerance_m": t.goal_tolerance_m}
+            for t in traces.episodes
+        ],
+    }
+    packed = {name: np.ascontiguousarray(array) for name, array in tensors.items()}
+    metadata = {"traces": json.dumps(about, allow_nan=False)}
+    files.atomic_write_bytes(path, pack_safetensors(packed, metadata))
+
+
+def read_traces(path: str | os.PathLike[str]) -> Traces:
+    """Read what write_traces wrote. Raises CheckpointError naming the file: missing, truncated or foreign."""
+    try:
+        with safe_open(path, framework="numpy") as stream:
+            about = json.loads((stream.metadata() or {})["traces"])
+            tensors = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 - no mapping
+        if about["schema_version"] != SCHEMA_VERSION:
+            raise CheckpointError(f"{path}: written by another version of ADRL; evaluate again")
+        return _unpack(about, tensors)
+    except FileNotFoundError:
+        raise CheckpointError(f"{path}: no such file; run adrl evaluate with --out first") from None
+    except CheckpointError:
+        raise
+    except (AdrlError, SafetensorError, OSError, ValueError, KeyError, TypeError, IndexError) as error:
+        raise CheckpointError(f"{path}: truncated, or not the traces of adrl evaluate ({error!r})") from error
+
+
+def _unpack(about: dict[str, Any], tensors: dict[str, NDArray[Any]]) -> Traces:
+    worlds = [
+        _world(entry, {name: tensors[f"world.{i}.{name}"] for name in _WORLD_ARRAYS})
+        for i, entry in enumerate(about["worlds"])
+    ]
+    episodes = []
+    for number, entry in enumerate(about["episodes"]):
+        arrays: dict[str, Any] = {
+            name: tensors[f"episode.{number}.{name}"] for name in ("path", *_STATES, *_STEPS)
+        }
+        if entry["ending"] not in RATES or len({len(arrays[name]) for name in _STATES}) != 1:
+            raise ValueError(f"episode {number} is malformed")
+        goal_x, goal_y = entry["goal"]
+        values = arrays | {"goal": (goal_x, goal_y), "world": worlds[entry["world"]]}
+        values |= {key: entry[key] for key in ("task", "ending", "goal_tolerance_m")}
+        episodes.append(Trace(**values))
+    ends = np.cumsum(tensors["routes.size"])
+    return Traces(
+        robot=robot_from_fields(about["robot"]),
+        guidance=about["guidance"],
+        maturity=about["maturity"],
+        world=None if about["world"] is None else worlds[about["world"]],
+        episodes=episodes,
+        tasks=tensors["routes.task"],
+        routes=np.split(tensors["routes.xy"], ends[:-1]) if len(ends) else [],
+    )
+
+
+_WORLD_ARRAYS = ("circles", "segments", "discs", "corners", "sizes", "solid")
+
+
+def _world_arrays(world: World) -> dict[str, NDArray[Any]]:
+    return {
+        "circles": world.circles,
+        "segments": world.segments,
+        "discs": world.discs,
+        "corners": np.concatenate([*world.polygons, np.empty((0, 2))]),
+        "sizes": np.array([len(corners) for corners in world.polygons], np.int32),
+        "solid": np.empty((0, 0), np.uint8) if world.grid is None else np.asarray(world.grid.solid, np.uint8),
+    }
+
+
+def _world_about(world: World) -> dict[str, Any]:
+    about: dict[str, Any] = {"bounds": [float(number) for number in world.bounds]}
+    if world.grid is not None:
+        about |= {"resolution_m": world.grid.resolution_m, "origin": list(world.grid.origin)}
+    return about
+
+
+def _world(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> World:
+    grid = None
+    if arrays["solid"].size:
+        x, y, yaw = about["origin"]
+        grid = OccupancyGrid(solid=arrays["solid"], resolution_m=about["resolution_m"], origin=(x, y, yaw))
+    x_min, y_min, x_max, y_max = about["bounds"]
+    ends = np.cumsum(arrays["sizes"])
+    return World(
+        bounds=(x_min, y_min, x_max, y_max),
+        circles=arrays["circles"],
+        segments=arrays["segments"],
+        discs=arrays["discs"],
+        polygons=tuple(np.split(arrays["corners"], ends[:-1])) if len(ends) else (),
+        grid=grid,
+    )

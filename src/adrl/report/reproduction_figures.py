@@ -1,0 +1,287 @@
+"""The paper's figures from kept results, and beside each the one that matters more."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from adrl.evaluation.learning_time import steady_level
+from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
+from adrl.report.figures import EDGE, RoutePanel, blank_figure, line_style, routes_figure, save
+from adrl.report.reported import ABLATIONS, LABELS, METHODS, RIVALS
+from adrl.report.reproduction import Array, Results
+from adrl.report.reproduction_numbers import (
+    HARD_SHARE,
+    LEVELS,
+    OURS,
+    PLANNER,
+    hard_worlds,
+    steady_episodes,
+    success_on,
+    times_to,
+)
+from adrl.worlds import get_scenario, load_robot, task_set
+
+KINDS = ("png", "pdf")
+POINTS = 60
+"""Places along the x axis where curves of several seeds are averaged."""
+Curve = Mapping[str, Array]
+
+
+def figures(results: Results) -> dict[str, Figure]:
+    """Name of a file -> its figure."""
+    found = {
+        "fig4-ablations": q_figure(results, ABLATIONS),
+        "fig5-methods": q_figure(results, RIVALS),
+        "fig6-convergence": convergence_figure(results),
+        "success": success_figure(results),
+        "promised-and-realised": value_figure(results),
+        "survival": survival_figure(results),
+        "methods": methods_figure(results),
+    }
+    for scenario in results.scenarios:
+        for guidance in results.about["scenarios"][scenario]["evaluated"]:
+            if panels := _route_panels(results, scenario, guidance):
+                found[f"fig7-routes-{scenario}-{guidance}"] = routes_figure(panels)
+    return found
+
+
+def write_figures(results: Results, folder: Path) -> list[Path]:
+    """Write all of them, each as PNG and PDF."""
+    drawn = figures(results)
+    paths = [folder / f"{name}.{kind}" for name in drawn for kind in KINDS]
+    for path in paths:
+        save(drawn[path.stem], path)
+    return paths
+
+
+def q_figure(results: Results, methods: Sequence[str]) -> Figure:
+    """Mean Q, Q from its start (0) to its steady level (1), and success, over training episodes; a row a scenario."""
+    figure, grid = _grid(results, 3)
+    for row, scenario in zip(grid, results.scenarios, strict=True):
+        for index, method in enumerate(results.methods_of(scenario, methods)):
+            curves = results.curves_of(scenario, method)
+            label = LABELS[method] + (" (value V)" if method == "sb3-ppo" else "")
+            _band(row[0], curves, "episode", lambda curve: curve["q_mean"], index, label)
+            _band(row[1], curves, "episode", _rescaled, index, label)
+            _band(row[2], curves, "episode", lambda curve: 100.0 * curve["success"], index, label)
+        titles = ("mean Q", "Q, 0 at its start, 1 at its steady level", "success in validation, %")
+        for axes, title in zip(row, titles, strict=True):
+            _axes(axes, f"{scenario}: {title}", "training episodes")
+        row[1].set_ylim(-0.5, 1.5)
+        row[0].legend(frameon=False, fontsize=7)
+    return figure
+
+
+def _rescaled(curve: Curve) -> Array:
+    """Rewards differ between methods, and so do the scales of Q: only the shape is comparable."""
+    values = curve["q_mean"]
+    known = values[np.isfinite(values)]
+    span = steady_level(values) - known[0] if len(known) else np.nan
+    return (values - known[0]) / span if abs(span) > 1e-9 else np.full_like(values, np.nan)
+
+
+def convergence_figure(results: Results) -> Figure:
+    """Episodes to steady-state mean Q (Fig. 6), and environment steps to a success that is good for something."""
+    figure, grid = _grid(results, 1 + len(LEVELS))
+    for row, scenario in zip(grid, results.scenarios, strict=True):
+        names = results.methods_of(scenario, METHODS)
+        _dots(row[0], names, [steady_episodes(results, scenario, name) for name in names])
+        _axes(row[0], f"{scenario}: episodes to steady-state mean Q", "training episodes")
+        for axes, level in zip(row[1:], LEVELS, strict=True):
+            _dots(axes, names, [times_to(results, scenario, name, level, "env_steps") for name in names])
+            _axes(axes, f"{scenario}: steps to {100 * level:.0f} % success", "environment steps")
+    return figure
+
+
+def _dots(axes: Axes, names: Sequence[str], values: Sequence[Sequence[float]]) -> None:
+    """A dot a seed, a line at the median of those that got there, and how many did."""
+    labels = []
+    for place, (name, column) in enumerate(zip(names, values, strict=True)):
+        reached = [value for value in column if np.isfinite(value)]
+        colour, _ = line_style(METHODS.index(name))
+        axes.plot(reached, [place] * len(reached), "o", color=colour, markersize=4, alpha=0.7)
+        if 2 * len(reached) > len(column):
+            median = float(
+                np.sort([*reached, *[np.inf] * (len(column) - len(reached))])[(len(column) - 1) // 2]
+            )
+            axes.plot([median] * 2, [place - 0.3, place + 0.3], color=colour, linewidth=2.0)
+        labels.append(f"{LABELS[name]}  {len(reached)}/{len(column)}")
+    axes.set_yticks(range(len(names)), labels, fontsize=8)
+    axes.set_ylim(len(names) - 0.4, -0.6)
+    axes.set_xlim(left=0.0)
+
+
+def success_figure(results: Results) -> Figure:
+    """Success in validation against environment steps and against wall clock."""
+    figure, grid = _grid(results, 2)
+    for row, scenario in zip(grid, results.scenarios, strict=True):
+        for index, method in enumerate(results.methods_of(scenario, METHODS)):
+            curves = results.curves_of(scenario, method)
+            for axes, column in zip(row, ("env_steps", "wall_s"), strict=True):
+                _band(axes, curves, column, lambda curve: 100.0 * curve["success"], index, LABELS[method])
+        _axes(row[0], f"{scenario}: success in validation, %", "environment steps")
+        _axes(row[1], f"{scenario}: success in validation, %", "wall clock, s")
+        row[0].legend(frameon=False, fontsize=7, loc="lower right")
+    return figure
+
+
+def value_figure(results: Results) -> Figure:
+    """What the critic promises from the validation starts (line) and the discounted return that came (dashed)."""
+    figure, grid = _grid(results, len(METHODS), width_in=2.6)
+    for row, scenario in zip(grid, results.scenarios, strict=True):
+        for axes, (index, method) in zip(row, enumerate(METHODS), strict=True):
+            curves = results.curves_of(scenario, method)
+            _band(axes, curves, "env_steps", lambda curve: curve["q_start"], index, "promised")
+            _band(
+                axes, curves, "env_steps", lambda curve: curve["return_start"], len(METHODS) - 1, "realised"
+            )
+            _axes(axes, f"{scenario}: {LABELS[method]}", "environment steps")
+            axes.tick_params(labelsize=7)
+        row[0].legend(frameon=False, fontsize=7)
+    return figure
+
+
+def survival_figure(results: Results) -> Figure:
+    """Share of the seeds that are not yet at a level of success, against wall clock (Kaplan and Meier's curve)."""
+    figure, grid = _grid(results, len(LEVELS))
+    for row, scenario in zip(grid, results.scenarios, strict=True):
+        for axes, level in zip(row, LEVELS, strict=True):
+            for index, method in enumerate(results.methods_of(scenario, METHODS)):
+                x, share = survival(times_to(results, scenario, method, level, "wall_s"))
+                end = max(curve["wall_s"][-1] for curve in results.curves_of(scenario, method))
+                colour, stroke = line_style(index)
+                x, share = np.append(x, max(end, x[-1])), np.append(share, share[-1])
+                axes.step(
+                    x, 100.0 * share, where="post", color=colour, linestyle=stroke, label=LABELS[method]
+                )
+            _axes(axes, f"{scenario}: seeds below {100 * level:.0f} % success, %", "wall clock, s")
+            axes.set_ylim(-3.0, 103.0)
+        row[-1].legend(frameon=False, fontsize=7)
+    return figure
+
+
+def survival(times: Sequence[float]) -> tuple[Array, Array]:
+    """Times at which seeds reach a level, 0 before them, and the share of seeds that has not: 1 at first.
+
+    All runs have the same budget and a run is only cut off by its end, so this is Kaplan and Meier's estimate.
+    """
+    reached = np.sort([value for value in times if np.isfinite(value)])
+    left = 1.0 - np.arange(1, len(reached) + 1) / max(len(times), 1)
+    return np.concatenate([[0.0], reached]), np.concatenate([[1.0], left])
+
+
+def methods_figure(results: Results) -> Figure:
+    """Success as its interquartile mean, on the worst worlds, and the chance that ADRL improves on a method."""
+    figure, grid = _grid(results, 3)
+    for row, scenario in zip(grid, results.scenarios, strict=True):
+        guidance = results.trained_with(scenario)
+        names = results.methods_of(scenario, METHODS)
+        success = {name: results.values(scenario, name, guidance, "success") for name in names}
+        hard = hard_worlds(results, scenario)
+        _intervals(row[0], {name: seed_iqm(success[name]) for name in names})
+        _axes(row[0], f"{scenario}: success on test tasks, IQM, %", "")
+        _intervals(row[1], {name: seed_mean(success_on(results, scenario, name, hard)) for name in names})
+        _axes(row[1], f"{scenario}: success on the worst {100 * HARD_SHARE:.0f} % of worlds, %", "")
+        rivals = [name for name in names if name != OURS] if OURS in names else []
+        better = {name: probability_of_improvement(success[OURS], success[name]) for name in rivals}
+        _intervals(row[2], better)
+        row[2].axvline(50.0, color=EDGE, linewidth=1.0, linestyle=":")
+        row[2].set_xlim(-3.0, 103.0)
+        _axes(row[2], f"{scenario}: chance that a seed of ADRL beats one of it, %", "")
+    return figure
+
+
+def _intervals(axes: Axes, values: Mapping[str, Interval]) -> None:
+    for place, (name, (estimate, low, high)) in enumerate(values.items()):
+        colour, _ = line_style(METHODS.index(name))
+        if np.isfinite(low):
+            axes.plot([100.0 * low, 100.0 * high], [place, place], color=colour, linewidth=2.0)
+        axes.plot(100.0 * estimate, place, "o", color=colour, markersize=5)
+    axes.set_yticks(range(len(values)), [LABELS[name] for name in values], fontsize=8)
+    axes.set_ylim(max(len(values), 1) - 0.4, -0.6)
+
+
+def _band(
+    axes: Axes,
+    curves: Sequence[Curve],
+    x_column: str,
+    of: Callable[[Curve], Array],
+    index: int,
+    label: str,
+) -> None:
+    """Mean over seeds with a 95 % bootstrap band, where every seed has a value."""
+    known = [(curve[x_column], of(curve)) for curve in curves]
+    known = [(x[np.isfinite(y)], y[np.isfinite(y)]) for x, y in known]
+    known = [(x, y) for x, y in known if len(x)]
+    if not known:
+        return
+    first, last = max(x[0] for x, _ in known), min(x[-1] for x, _ in known)
+    if last < first:
+        return
+    places = np.linspace(first, last, POINTS)
+    values = np.stack([np.interp(places, x, y) for x, y in known])  # (seeds, POINTS)
+    colour, stroke = line_style(index)
+    axes.plot(places, values.mean(axis=0), color=colour, linestyle=stroke, linewidth=1.6, label=label)
+    if len(values) > 1:
+        bands = [seed_mean(column, resamples=1000) for column in values.T]
+        low, high = [band.low for band in bands], [band.high for band in bands]
+        axes.fill_between(places, low, high, color=colour, alpha=0.13, linewidth=0.0)
+
+
+def _route_panels(results: Results, scenario: str, guidance: str) -> list[RoutePanel]:
+    """The same test tasks driven by the methods of Table I, the first seed of each."""
+    table = results.routes
+    rows = (table["scenario"] == scenario) & ((table["guidance"] == guidance) | (table["method"] == PLANNER))
+    if not (rows & (table["method"] != PLANNER)).any():
+        return []
+    about = results.about["scenarios"][scenario]
+    tasks = task_set(
+        get_scenario(scenario), load_robot(about["robot"]), about["split"], int(table["task"][rows].max()) + 1
+    )
+    panels = []
+    for number, task in enumerate(tasks):
+        lines, endings = {}, {}
+        for method in (PLANNER, *RIVALS):
+            chosen = rows & (table["method"] == method) & (table["task"] == number)
+            if chosen.any():
+                lines[LABELS[method]] = np.stack([table["x_m"][chosen], table["y_m"][chosen]], axis=1)
+                endings[LABELS[method]] = _ending(results, scenario, method, guidance, number)
+        panels.append(
+            RoutePanel(
+                world=task.world,
+                start=task.start,
+                goal=task.goal,
+                goal_tolerance_m=task.goal_tolerance_m,
+                trajectories=lines,
+                endings=endings,
+                title=f"{scenario}, guidance {guidance}, test task {number}",
+            )
+        )
+    return panels
+
+
+def _ending(results: Results, scenario: str, method: str, guidance: str, task: int) -> str:
+    runs = results.outcomes(scenario, method, "map" if method == PLANNER else guidance)
+    run = runs[min(runs)]
+    row = int(np.flatnonzero(run["task"] == task)[0])
+    if run["success"][row]:
+        return "success"
+    return "collision" if run["collision"][row] else "timeout"
+
+
+def _grid(results: Results, columns: int, width_in: float = 4.2) -> tuple[Figure, Any]:
+    rows = len(results.scenarios)
+    figure = blank_figure(width_in * columns, 3.1 * rows)
+    return figure, figure.subplots(rows, columns, squeeze=False)
+
+
+def _axes(axes: Axes, title: str, x_label: str) -> None:
+    axes.set_title(title, loc="left", fontsize=9)
+    axes.set_xlabel(x_label, fontsize=8)
+    axes.grid(color="#E4E6EA", linewidth=0.8)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(labelsize=8)

@@ -1,0 +1,76 @@
+"""Drives in the simulator, recorded as a robot would see them, and policies to drive with."""
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from adrl.deploy import MlpPolicy, Odometry, Scan, load_policy
+from adrl.deploy.policy import default_policy_folder
+from adrl.envs import NavSim
+from adrl.motion import F32
+from adrl.observation import EncoderConfig
+from adrl.types import LidarConfig, RobotConfig, Task
+
+
+def a_policy(robot: RobotConfig, *, history_steps: int = 0) -> MlpPolicy:
+    """The shipped policy for any robot; with motion cues it heeds them too, at random."""
+    shipped = load_policy(default_policy_folder())
+    encoder = EncoderConfig(history_steps=history_steps)
+    layers = list(shipped.layers)
+    if history_steps > 0:
+        weight, bias = layers[0]
+        cues = np.random.default_rng(0).normal(0.0, 0.05, (encoder.num_sectors, weight.shape[1]))
+        layers[0] = (np.concatenate([weight, cues.astype(np.float32)]), bias)
+    config = dataclasses.replace(
+        shipped.config,
+        input_size=len(layers[0][0]),
+        robot=dataclasses.asdict(robot),
+        encoder=dataclasses.asdict(encoder),
+    )
+    return MlpPolicy(layers, config)
+
+
+def as_scan(ranges: F32, lidar: LidarConfig, stamp_s: float) -> Scan:
+    """What a driver publishes of the simulated LiDAR."""
+    return Scan(
+        ranges=ranges.astype(np.float64),
+        angle_min_rad=lidar.angle_min_rad,
+        angle_increment_rad=lidar.angle_increment_rad,
+        range_max_m=lidar.max_range_m,
+        stamp_s=stamp_s,
+    )
+
+
+def as_odometry(sim: NavSim, robot: int, stamp_s: float) -> Odometry:
+    """The simulated robot's own reckoning."""
+    x, y, yaw = map(float, sim.b["odometry"][robot])
+    v, w = map(float, sim.b["twist"][robot])
+    return Odometry(pose=(x, y, yaw), twist=(v, w), stamp_s=stamp_s)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One control period."""
+
+    scan: Scan
+    odometry: Odometry
+    map_pose: tuple[float, float, float]
+    action: F32
+    """(2,) what the policy did in the simulator."""
+
+
+def record(sim: NavSim, policy: MlpPolicy, task: Task, steps: int, seed: int = 0) -> list[Moment]:
+    """Robot 0 of the simulator on a task, until it ends or for so many steps."""
+    sim.reset(np.array([0]), [task], np.array([seed], np.uint64), np.random.default_rng(seed))
+    lidar, period_s = sim.robot.lidar, sim.robot.control_period_s
+    moments = []
+    for k in range(steps):
+        action = policy.act(sim.observe())
+        scan = as_scan(sim.b["ranges"][0], lidar, k * period_s)
+        x, y, yaw = map(float, sim.b["pose"][0])
+        moments.append(Moment(scan, as_odometry(sim, 0, k * period_s), (x, y, yaw), action[0].copy()))
+        outcome = sim.step(action)
+        if outcome.reached[0] or outcome.collided[0]:
+            break
+    return moments

@@ -1,0 +1,389 @@
+"""Faults in the closed loop: simulator -> faulty channel -> runtime with supervisor -> base -> simulator.
+
+Whatever happens to messages, clocks and the node itself: nothing is hit, and within two periods of a fault that takes
+away the sensors the robot has been told to stand still; it stands after its own braking time.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from functools import cache
+
+import numpy as np
+import pytest
+
+from adrl.deploy import Command, Navigator, Odometry, Scan
+from adrl.envs import NavSim
+from adrl.types import RobotConfig, Task
+from adrl.worlds import ROBOTS, get_scenario, single_task, task_set
+from deploy.recorded import a_policy, as_odometry, as_scan
+from env_tasks import room
+
+PERIODS = 2
+"""Allowed between a fault and the command to stand still; of the base's watchdog, too."""
+FAULT = range(20, 45)
+"""Steps during which something is wrong: under way, at speed."""
+N = 4
+
+Channel = Callable[[int, int, Scan], Scan | None]
+"""What arrives at robot i in step k: of the scan taken then, or of older ones."""
+
+
+class Loop:
+    """N robots, each with a navigator of its own; what their bases do, and what hits what."""
+
+    def __init__(self, tasks: Sequence[Task], robot: RobotConfig, guidance: str = "map") -> None:
+        self.robot, self.guidance = robot, guidance
+        self.policy = a_policy(robot)
+        self.sim = NavSim(len(tasks), robot, guidance=guidance, maturity=self.policy.config.maturity)
+        everyone = np.arange(len(tasks))
+        self.sim.reset(everyone, tasks, everyone.astype(np.uint64), np.random.default_rng(0))
+        self.tasks = tasks
+        self.navigators = [self.navigator(task) for task in tasks]
+        for navigator, task in zip(self.navigators, tasks, strict=True):
+            navigator.set_goal(task.goal)
+        self.age = np.full(len(tasks), 99)
+        """Periods since each base was told anything."""
+        self.speeds: list[np.ndarray] = []
+        self.told: list[np.ndarray] = []
+        self.commands: list[Command | None] = [None] * len(tasks)
+        self.arrived = np.zeros(len(tasks), dtype=bool)
+        self.hit = np.zeros(len(tasks), dtype=bool)
+        self.step = 0
+
+    def navigator(self, task: Task) -> Navigator:
+        world = task.world if self.guidance == "map" else None
+        return Navigator(self.policy, guidance=self.guidance, world=world)
+
+    def run(
+        self,
+        steps: int,
+        channel: Channel = lambda k, i, scan: scan,
+        *,
+        odometry: Callable[[int, int, Odometry], Odometry | None] = lambda k, i, message: message,
+        clock: Callable[[float], float] = lambda time_s: time_s,
+        node: Callable[[int], bool] = lambda k: True,
+    ) -> None:
+        """So many periods; `node` tells whether the nodes run."""
+        b, period_s = self.sim.b, self.robot.control_period_s
+        for k in range(self.step, self.step + steps):
+            stamp_s = k * period_s
+            self.age += 1
+            for i in np.flatnonzero(b["active"]).tolist():
+                scan = channel(k, i, as_scan(b["ranges"][i], self.robot.lidar, clock(stamp_s)))
+                message = odometry(k, i, as_odometry(self.sim, i, clock(stamp_s)))
+                if node(k):
+                    self._command(i, self.navigators[i].step(scan, message, clock(stamp_s)))
+                if self.age[i] >= PERIODS:  # the base's own watchdog
+                    b["command"][i] = 0.0
+            self.told.append(b["command"].copy())
+            self.sim.native.step()
+            self.speeds.append(b["twist"].copy())
+            self.hit |= b["collided"] > 0
+            b["active"][self.hit | self.arrived] = 0
+        self.step += steps
+
+    def _command(self, i: int, command: Command) -> None:
+        self.commands[i] = command
+        self.sim.b["command"][i] = command.twist
+        self.age[i] = 0
+        self.arrived[i] |= command.status == "reached"
+
+    def drove_on(self, steps: range) -> bool:
+        """Each robot was told to move in most of the steps."""
+        moving = np.array(self.told)[list(steps)].any(axis=2)
+        return bool((moving.mean(axis=0) > 0.8).all())
+
+    def told_to_stand(self, steps: range) -> bool:
+        return not np.array(self.told)[list(steps)].any()
+
+    def standing(self, steps: range) -> bool:
+        return bool(np.abs(np.array(self.speeds)[list(steps)]).max() < 0.01)
+
+
+@cache
+def courses(robot_name: str) -> tuple[Task, ...]:
+    return tuple(task_set(get_scenario("clutter"), ROBOTS[robot_name], "test", N))
+
+
+def loop(robot_name: str = "diffbot") -> Loop:
+    return Loop(courses(robot_name), ROBOTS[robot_name])
+
+
+def braking_periods(robot: RobotConfig) -> int:
+    """That the robot needs to come to rest from full speed, its lag included."""
+    slowing_s = robot.max_speed_mps / robot.max_acceleration_mps2
+    turning_s = robot.max_yaw_rate_radps / robot.max_yaw_acceleration_radps2
+    return math.ceil((max(slowing_s, turning_s) + 5.0 * robot.lag_s) / robot.control_period_s)
+
+
+def outlasts(run: Loop, fault: range = FAULT) -> None:
+    """Told to stand within two periods, standing after braking, unharmed; and at the goal when all is well again."""
+    assert run.told_to_stand(range(fault.start + PERIODS, fault.stop))
+    assert run.standing(range(fault.start + PERIODS + braking_periods(run.robot), fault.stop))
+    run.run(400)
+    assert not run.hit.any()
+    assert run.arrived.all()
+
+
+# --- the scan -----------------------------------------------------------------------------------------------
+
+
+def faulty(change: Callable[[Scan], Scan | None]) -> Channel:
+    return lambda k, i, scan: change(scan) if k in FAULT else scan
+
+
+def garbled(kind: str) -> Callable[[Scan], Scan]:
+    rng = np.random.default_rng(0)
+
+    def change(scan: Scan) -> Scan:
+        ranges = scan.ranges.copy()
+        if kind == "nan":
+            ranges[:] = np.nan
+        elif kind == "half nan":
+            ranges[len(ranges) // 2 :] = np.nan
+        elif kind == "negative":
+            ranges *= -1.0
+        elif kind == "cut off":
+            ranges = ranges[:10]
+        elif kind == "many lost":
+            ranges[rng.random(len(ranges)) < 0.8] = np.nan
+        return dataclasses.replace(scan, ranges=ranges)
+
+    return change
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("robot", ["diffbot", "turtlebot3_burger", "jackal"])
+def test_dropped_scans(robot: str):
+    run = loop(robot)
+    run.run(FAULT.stop, faulty(lambda scan: None))
+    outlasts(run)
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("kind", ["nan", "half nan", "negative", "cut off", "many lost"])
+def test_corrupt_scans(kind: str):
+    run = loop()
+    run.run(FAULT.stop, faulty(garbled(kind)))
+    outlasts(run)
+
+
+@pytest.mark.integration
+def test_noise_instead_of_scans():
+    """It looks like a scan: no sensor tells. The braking check stops for what is not there."""
+    run = loop()
+    rng = np.random.default_rng(0)
+    noise = faulty(lambda scan: dataclasses.replace(scan, ranges=rng.uniform(0.11, 6.0, len(scan.ranges))))
+    run.run(FAULT.stop, noise)
+    run.run(400)
+    assert not run.hit.any()
+    assert run.arrived.all()
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("stamped_anew", [True, False])
+def test_frozen_scans(stamped_anew: bool):
+    """The driver repeats its last scan, with new stamps or with the old one."""
+    run = loop()
+    last: dict[int, Scan] = {}
+
+    def freeze(k: int, i: int, scan: Scan) -> Scan:
+        if k not in FAULT:
+            last[i] = scan
+        return dataclasses.replace(last[i], stamp_s=scan.stamp_s) if stamped_anew else last[i]
+
+    run.run(FAULT.stop, freeze)
+    outlasts(run)
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("periods", [1, 2, 3, 10])
+def test_delayed_scans(periods: int):
+    """One or two periods late is driven on with, by the odometry; more is a stop."""
+    run = loop()
+    waiting: dict[tuple[int, int], Scan] = {}
+
+    def delay(k: int, i: int, scan: Scan) -> Scan | None:
+        waiting[k, i] = scan
+        return waiting.get((k - periods, i)) if k in FAULT else scan
+
+    run.run(FAULT.stop, delay)
+    if periods > 2:
+        outlasts(run)
+        return
+    assert run.drove_on(range(FAULT.start + PERIODS, FAULT.stop))
+    run.run(400)
+    assert not run.hit.any()
+    assert run.arrived.all()
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("most", [2, 6])
+def test_reordered_scans(most: int):
+    """Each scan is late by a time of its own: newer ones come before older ones, which are passed over."""
+    run = loop()
+    rng = np.random.default_rng(0)
+    waiting: dict[tuple[int, int], list[Scan]] = {}
+
+    def shuffle(k: int, i: int, scan: Scan) -> Scan | None:
+        waiting.setdefault((k + int(rng.integers(0, most + 1)), i), []).append(scan)
+        come = waiting.pop((k, i), [])
+        return scan if k not in FAULT else (come[int(rng.integers(len(come)))] if come else None)
+
+    run.run(FAULT.stop, shuffle)
+    run.run(400)
+    assert not run.hit.any()
+    assert run.arrived.all()
+
+
+@pytest.mark.integration
+def test_dropped_odometry():
+    run = loop()
+    run.run(FAULT.stop, odometry=lambda k, i, message: None if k in FAULT else message)
+    outlasts(run)
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("periods", [1, 2, 5])
+def test_delayed_odometry(periods: int):
+    """Of late, speed and place are reckoned on from the commands; of old, it is a stop."""
+    run = loop()
+    waiting: dict[tuple[int, int], Odometry] = {}
+
+    def delay(k: int, i: int, message: Odometry) -> Odometry | None:
+        waiting[k, i] = message
+        return waiting.get((k - periods, i)) if k in FAULT else message
+
+    run.run(FAULT.stop, odometry=delay)
+    if periods > 2:
+        outlasts(run)
+        return
+    assert run.drove_on(range(FAULT.start + PERIODS, FAULT.stop))
+    run.run(400)
+    assert not run.hit.any()
+    assert run.arrived.all()
+
+
+@pytest.mark.integration
+def test_odometry_that_is_no_number():
+    run = loop()
+    lost = (math.nan, 0.0, 0.0)
+    run.run(FAULT.stop, odometry=lambda k, i, m: dataclasses.replace(m, pose=lost) if k in FAULT else m)
+    outlasts(run)
+
+
+# --- the clock ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("by_s", [100.0, -100.0, -0.35])
+def test_the_clock_jumps_for_all(by_s: float):
+    """Sensors and node share it: at most a short stop."""
+    run = loop()
+    at_s = FAULT.start * run.robot.control_period_s
+    run.run(FAULT.stop, clock=lambda time_s: time_s + (by_s if time_s >= at_s - 1e-9 else 0.0))
+    assert run.drove_on(range(FAULT.start + 3, FAULT.stop))
+    run.run(400, clock=lambda time_s: time_s + by_s)
+    assert not run.hit.any()
+    assert run.arrived.all()
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("by_s", [100.0, -100.0])
+def test_the_sensors_clock_jumps(by_s: float):
+    """The node's stays: nothing that arrives can be dated."""
+    run = loop()
+
+    redated = faulty(lambda scan: dataclasses.replace(scan, stamp_s=scan.stamp_s + by_s))
+    run.run(FAULT.stop, redated)
+    outlasts(run)
+
+
+# --- the node and its goal ----------------------------------------------------------------------------------
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("robot", ["diffbot", "turtlebot3_burger", "jackal"])
+def test_the_node_is_killed_and_started_again(robot: str):
+    """The base's watchdog stops the robot; a new node waits for a goal and then goes on."""
+    run = loop(robot)
+    run.run(FAULT.stop, node=lambda k: k not in FAULT)
+    assert run.told_to_stand(range(FAULT.start + PERIODS - 1, FAULT.stop))
+    assert run.standing(range(FAULT.start + PERIODS + braking_periods(run.robot), FAULT.stop))
+    run.navigators = [run.navigator(task) for task in run.tasks]
+    run.run(5)
+    assert run.told_to_stand(range(FAULT.stop, FAULT.stop + 5))
+    assert {command.status for command in run.commands if command} <= {"idle", "reached"}
+    for navigator, task in zip(run.navigators, run.tasks, strict=True):
+        navigator.set_goal(task.goal)
+    run.run(400)
+    assert not run.hit.any()
+    assert run.arrived.all()
+
+
+@pytest.mark.integration
+def test_the_goal_is_cancelled():
+    run = loop()
+    run.run(FAULT.start)
+    for navigator in run.navigators:
+        navigator.cancel()
+    run.run(20)
+    assert run.told_to_stand(range(FAULT.start, FAULT.start + 20))
+    assert run.standing(range(FAULT.start + braking_periods(run.robot), FAULT.start + 20))
+    assert not run.hit.any()
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("guidance", ["goal", "replan", "map"])
+def test_the_goal_is_moved(guidance: str):
+    """In an open room, to the other side, again and again; the last one counts."""
+    robot = ROBOTS["diffbot"]
+    goals = [(3.0, 0.0), (-3.0, 1.0), (0.0, -3.0), (2.0, 2.0)]
+    run = Loop([single_task(room(), (-2.0, 0.0, 0.0), goals[0], robot)], robot, guidance)
+    for goal in goals:
+        run.navigators[0].set_goal(goal)
+        run.run(25)
+    run.run(300)
+    assert not run.hit.any()
+    assert run.arrived.all()
+    assert math.dist(run.sim.b["pose"][0, :2], goals[-1]) < 0.35
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("guidance", ["goal", "replan", "map"])
+def test_the_goal_is_behind_a_wall(guidance: str):
+    """No way leads there: a map says so at once; without one nothing is hit, for as long as it tries."""
+    robot = ROBOTS["diffbot"]
+    task = single_task(room(segments=[]), (-2.0, 0.0, 0.0), (2.0, 0.0), robot)
+    shut_off = dataclasses.replace(task, world=room(segments=[(0.0, -6.0, 0.0, 6.0)]))
+    run = Loop([shut_off], robot, guidance)
+    run.run(150)
+    command = run.commands[0]
+    assert command is not None
+    assert not run.hit.any()
+    if guidance == "map":
+        assert run.told_to_stand(range(0, 150))
+        assert not run.arrived.any()
+        return
+    assert command.status == "driving"
+    run.navigators[0].cancel()
+    run.run(20)
+    assert run.told_to_stand(range(150, 170))
+    assert run.standing(range(150 + braking_periods(robot), 170))
+
+
+@pytest.mark.integration
+def test_a_goal_without_a_way_fails_with_a_reason():
+    robot = ROBOTS["diffbot"]
+    world = room(segments=[(0.0, -6.0, 0.0, 6.0)])
+    navigator = Navigator(a_policy(robot), guidance="map", world=world)
+    navigator.set_goal((2.0, 0.0))
+    sim = NavSim(1, robot)
+    task = dataclasses.replace(single_task(room(), (-2.0, 0.0, 0.0), (2.0, 0.0), robot), world=world)
+    sim.reset(np.array([0]), [task], np.zeros(1, np.uint64), np.random.default_rng(0))
+    scan = as_scan(sim.b["ranges"][0], robot.lidar, 0.0)
+    command = navigator.step(scan, as_odometry(sim, 0, 0.0), 0.0)
+    assert (command.status, command.twist) == ("failed", (0.0, 0.0))
+    assert "cannot be reached" in command.message
+    assert navigator.goal is None

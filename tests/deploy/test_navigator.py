@@ -1,0 +1,176 @@
+"""The runtime is the simulator's guidance, encoder and policy: equal actions on recorded scans."""
+
+import dataclasses
+import subprocess
+import sys
+from typing import Any
+
+import numpy as np
+import pytest
+
+from adrl.deploy import Navigator, Odometry, Pose, Scan
+from adrl.envs import NavSim
+from adrl.errors import AdrlError, ConfigError
+from adrl.motion import F32
+from adrl.observation import EncoderConfig, to_twist
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.types import RobotConfig, Task, World
+from adrl.worlds import ROBOTS, get_scenario, single_task, task_set
+from deploy.recorded import Moment, a_policy, record
+from env_tasks import room
+
+DRIFTING = dataclasses.replace(ROBOTS["diffbot"], odometry_drift=0.05)
+
+
+def replay(navigator: Navigator, moments: list[Moment]) -> F32:
+    """(T, 2) commands of the runtime on what was recorded."""
+    period_s = navigator.robot.control_period_s
+    commands = [
+        navigator.step(m.scan, m.odometry, k * period_s, map_pose=m.map_pose) for k, m in enumerate(moments)
+    ]
+    driven = [command.twist for command in commands if command.status == "driving"]
+    # It ends where odometry, which drifts, says that the goal is reached.
+    assert {command.status for command in commands[len(driven) :]} <= {"reached", "idle"}
+    return np.array(driven, dtype=np.float32)
+
+
+def driven(robot: RobotConfig, guidance: str, task: Task, history_steps: int, steps: int = 250):
+    """The runtime's commands, those of the simulator, and the simulator."""
+    policy = a_policy(robot, history_steps=history_steps)
+    encoder = EncoderConfig(history_steps=history_steps)
+    sim = NavSim(
+        1,
+        robot,
+        guidance=guidance,
+        encoder=encoder,
+        maturity=policy.config.maturity,
+        replanner=ReplannerConfig(),
+    )
+    moments = record(sim, policy, task, steps)
+    world = task.world if guidance == "map" else None
+    navigator = Navigator(policy, guidance=guidance, world=world, supervisor=None)
+    navigator.set_goal(task.goal, task.path if guidance == "map" else None)
+    ours = replay(navigator, moments)
+    theirs = to_twist(np.array([m.action for m in moments]), robot)
+    return ours, theirs, sim
+
+
+@pytest.mark.parametrize("history_steps", [0, 5])
+@pytest.mark.parametrize("guidance", ["goal", "map"])
+@pytest.mark.parametrize(
+    "robot", [DRIFTING, ROBOTS["jackal"], ROBOTS["turtlebot3_burger"]], ids=lambda r: r.name
+)
+def test_commands_are_those_of_the_simulator(robot: RobotConfig, guidance: str, history_steps: int):
+    (task,) = task_set(get_scenario("dynamic"), robot, "test", 1)
+    ours, theirs, _ = driven(robot, guidance, task, history_steps)
+    assert len(ours) > 20
+    np.testing.assert_allclose(ours, theirs[: len(ours)], atol=1e-5)
+
+
+@pytest.mark.parametrize("history_steps", [0, 5])
+def test_commands_are_those_of_the_simulator_when_stuck(history_steps: int):
+    """Behind a wall the replanner takes over; its routes are the same too."""
+    wall = np.array([[0.0, -2.0, 0.0, 2.0], [-1.5, -2.0, 0.0, -2.0], [-1.5, 2.0, 0.0, 2.0]])
+    task = single_task(World(bounds=(-5, -5, 5, 5), segments=wall), (-1.0, 0.0, 0.0), (2.0, 0.0), DRIFTING)
+    ours, theirs, sim = driven(DRIFTING, "replan", task, history_steps, steps=300)
+    assert sim.replanner is not None
+    assert sim.replanner.replans[0] > 0
+    assert len(ours) > 100
+    np.testing.assert_allclose(ours, theirs[: len(ours)], atol=1e-5)
+
+
+def test_a_path_of_its_own_is_the_simulators():
+    """Without a path it plans as tasks are planned."""
+    robot = ROBOTS["diffbot"]
+    (drawn,) = task_set(get_scenario("complex"), robot, "test", 1)
+    task = single_task(drawn.world, drawn.start, drawn.goal, robot)
+    policy = a_policy(robot)
+    moments = record(NavSim(1, robot, guidance="map"), policy, task, 100)
+    navigator = Navigator(policy, guidance="map", world=task.world, supervisor=None)
+    navigator.set_goal(task.goal)
+    theirs = to_twist(np.array([m.action for m in moments]), robot)
+    np.testing.assert_allclose(replay(navigator, moments), theirs, atol=1e-5)
+
+
+def still(at: Pose, now_s: float) -> tuple[Scan, Odometry]:
+    """What a robot that stands in the open receives."""
+    ranges = np.full(180, 4.0) + 1e-3 * np.sin(now_s + np.arange(180.0))
+    around = Scan(
+        ranges=ranges, angle_min_rad=-np.pi, angle_increment_rad=np.pi / 90, range_max_m=6.0, stamp_s=now_s
+    )
+    return around, Odometry(pose=at, twist=(0.0, 0.0), stamp_s=now_s)
+
+
+def test_a_jump_of_localisation_plans_anew():
+    """And driving does not."""
+    navigator = Navigator(a_policy(ROBOTS["diffbot"]), guidance="map", world=room())
+    navigator.set_goal((4.0, 0.0))
+    scan, odometry = still((0.0, 0.0, 0.0), 0.0)
+    first = navigator.step(scan, odometry, 0.0, map_pose=(-4.0, 0.0, 0.0)).plan
+    np.testing.assert_allclose(first[0], (-4.0, 0.0))
+    scan, odometry = still((0.0, 0.0, 0.0), 0.1)
+    command = navigator.step(scan, odometry, 0.1, map_pose=(-4.0, 4.0, 0.0))
+    np.testing.assert_allclose(command.plan[0], (-4.0, 4.0))
+    assert command.distance_m == pytest.approx(np.hypot(8.0, 4.0), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"guidance": "map"}, "needs a map"),
+        ({"guidance": "goal", "world": room()}, "uses no map"),
+        ({"guidance": "maps"}, "did you mean 'map'"),
+    ],
+)
+def test_guidance_and_map_belong_together(options: dict[str, Any], message: str):
+    with pytest.raises(AdrlError, match=message):
+        Navigator(a_policy(ROBOTS["diffbot"]), **options)
+
+
+def test_goals_are_checked_when_they_are_set():
+    navigator = Navigator(a_policy(ROBOTS["diffbot"]), guidance="goal")
+    with pytest.raises(ConfigError, match="not finite"):
+        navigator.set_goal((np.nan, 0.0))
+    with pytest.raises(ConfigError, match="follows no path"):
+        navigator.set_goal((1.0, 0.0), np.zeros((2, 2)))
+
+
+def test_what_it_says_of_itself():
+    """No goal, no sensors, at the goal."""
+    navigator = Navigator(a_policy(ROBOTS["diffbot"]), guidance="goal")
+    assert navigator.step(*still((0.0, 0.0, 0.0), 0.0), 0.0).status == "idle"
+    navigator.set_goal((2.0, 0.0))
+    command = navigator.step(*still((0.0, 0.0, 0.0), 0.1), 0.1)
+    assert (command.status, command.waypoint, command.distance_m) == ("driving", (2.0, 0.0), 2.0)
+    command = navigator.step(None, None, 0.5)
+    assert (command.status, command.twist) == ("stopped", (0.0, 0.0))
+    assert set(command.reasons) == {"scan_stale", "odometry_stale"}
+    navigator.set_goal((0.1, 0.0))
+    assert navigator.step(*still((0.05, 0.0, 0.0), 0.6), 0.6).status == "reached"
+    assert navigator.step(*still((0.0, 0.0, 0.0), 0.7), 0.7).status == "idle"
+
+
+def test_a_robot_needs_numpy_safetensors_and_the_core_only():
+    """With every other package out of reach it loads the shipped policy and drives."""
+    code = """
+import sys
+class Only:
+    def find_spec(self, name, path=None, target=None):
+        top = name.partition('.')[0]
+        if top in {'numpy', 'safetensors', 'adrl'} or top in sys.stdlib_module_names or top.startswith('_adrl'):
+            return None
+        raise ModuleNotFoundError(f'no {name} on a robot')
+sys.meta_path.insert(0, Only())
+import math
+from pathlib import Path
+import adrl
+from adrl.deploy import Navigator, Odometry, Scan
+navigator = Navigator.load(Path(adrl.__file__).parent / 'policies' / 'default', guidance='replan')
+navigator.set_goal((3.0, 0.0))
+scan = Scan(ranges=[4.0] * 180, angle_min_rad=-math.pi, angle_increment_rad=math.tau / 180, range_max_m=6.0,
+            stamp_s=0.0)
+command = navigator.step(scan, Odometry(pose=(0, 0, 0), twist=(0, 0), stamp_s=0.0), 0.0)
+print(command.status, command.twist[0] > 0.0)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["driving", "True"], done.stderr

@@ -1,0 +1,150 @@
+"""The benchmark's score, known by hand, and what adrl barn makes of a set of runs."""
+
+import dataclasses
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from adrl.deploy.policy import MlpPolicy, PolicyConfig
+from adrl.errors import ConfigError
+from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, scores, world_table
+from adrl.evaluation.metrics import Episodes
+from adrl.observation import to_twist
+from adrl.worlds import ROBOTS
+from adrl.worlds.barn import BarnWorld, benchmark_path, field_world
+from small_run import finished_run, run_cli
+
+JACKAL = ROBOTS["jackal"]
+
+
+def a_world(number: int, cells: list[tuple[float, float]]) -> BarnWorld:
+    world = field_world(np.zeros((30, 30), dtype=bool))
+    return BarnWorld(number=number, world=world, path=benchmark_path(np.array(cells)))
+
+
+@pytest.mark.parametrize(
+    ("success", "time_s", "score"),
+    [
+        (True, 5.0, 0.5),  # as fast as the optimum: no more than at half its speed
+        (True, 10.0, 0.5),
+        (True, 20.0, 0.25),
+        (True, 40.0, 0.125),
+        (True, 99.0, 0.125),
+        (False, 12.0, 0.0),
+    ],
+)
+def test_scores_known_by_hand(success: bool, time_s: float, score: float) -> None:
+    assert scores([success], [time_s], [5.0]).tolist() == [score]
+
+
+@given(time_s=st.floats(0.1, 100.0), longer_s=st.floats(0.0, 50.0), optimal_s=st.floats(4.0, 9.0))
+def test_no_one_gains_by_being_late(time_s: float, longer_s: float, optimal_s: float) -> None:
+    early, late = scores([True, True], [time_s, time_s + longer_s], [optimal_s, optimal_s])
+    assert 0.125 <= late <= early <= 0.5
+
+
+def test_rows_are_means_over_trials_and_intervals_over_worlds(
+    make_episodes: Callable[..., Episodes],
+) -> None:
+    worlds = [a_world(3, [(15, 0), (15, 29)]), a_world(8, [(5, 0), (25, 29)]), a_world(40, [(9, 0)])]
+    episodes = make_episodes(12, seed=4)
+    runs = BarnRuns(worlds=worlds, episodes=episodes)
+    assert runs.trials == 4
+    summary = runs.summary()
+    for i, row in enumerate(summary["per_world"]):
+        mine = episodes.select(np.arange(i, 12, 3))
+        expected = scores(mine.success, mine.time_s, np.full(4, worlds[i].optimal_time_s))
+        assert row["world"] == worlds[i].number
+        assert row["score"] == pytest.approx(expected.mean())
+        assert row["success"] == mine.success.mean()
+        assert row["time_s"] == (
+            pytest.approx(mine.time_s[mine.success].mean()) if mine.success.any() else None
+        )
+    assert summary["score"] == pytest.approx(np.mean([row["score"] for row in summary["per_world"]]))
+    assert summary["score_low"] <= summary["score"] <= summary["score_high"]
+    table = runs.to_table()
+    assert table["world"].to_pylist() == [3, 8, 40] * 4
+    assert table["trial"].to_pylist() == [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3]
+    # More trials of the same worlds, all alike, leave the interval over worlds as it is.
+    twice = BarnRuns(worlds=worlds, episodes=episodes.select(np.tile(np.arange(12), 2))).summary()
+    assert twice["score_low"] == pytest.approx(summary["score_low"])
+
+
+def test_one_world_has_no_interval(make_episodes: Callable[..., Episodes]) -> None:
+    summary = BarnRuns(worlds=[a_world(1, [(9, 0)])], episodes=make_episodes(4)).summary()
+    assert summary["score_low"] is None
+    assert summary["score_high"] is None
+
+
+def test_tables_name_every_world_the_speed_and_the_references(make_episodes: Callable[..., Episodes]) -> None:
+    worlds = [a_world(7, [(9, 0)]), a_world(191, [(12, 3)])]
+    runs = BarnRuns(worlds=worlds, episodes=make_episodes(6, success_probability=0.0))
+    summary = {"policy": "mine", "v_max_mps": 1.5} | runs.summary()
+    console = Console(width=80, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
+    console.print(world_table(summary))
+    console.print(reference_table(summary))
+    text = console.export_text()
+    for word in ("mine", "v_max 1.5 m/s", "191", "0.489", "0.372", "0.159", "65.0"):
+        assert word in text
+
+
+@given(v_max=st.floats(0.05, 2.0), low=st.sampled_from([0.0, -0.5]))
+def test_a_limited_policy_never_commands_more(v_max: float, low: float) -> None:
+    robot = dataclasses.replace(JACKAL, min_speed_mps=low)
+    rng = np.random.default_rng(0)
+    layer = (rng.standard_normal((3, 2)).astype(np.float32), np.zeros(2, np.float32))
+    policy = MlpPolicy([layer], PolicyConfig(input_size=3, widths=()))
+    observation = rng.standard_normal((64, 3)).astype(np.float32)
+    free, limited = policy.act(observation), SpeedLimited(policy, robot, v_max).act(observation)
+    speed, own = to_twist(limited, robot)[:, 0], to_twist(free, robot)[:, 0]
+    np.testing.assert_allclose(speed, np.minimum(own, v_max), atol=1e-5)
+    np.testing.assert_array_equal(limited[:, 1], free[:, 1])
+
+
+@pytest.mark.parametrize("v_max", [0.0, -1.0, 2.5, float("nan")])
+def test_a_limit_that_limits_nothing_is_refused(v_max: float) -> None:
+    policy = MlpPolicy(
+        [(np.zeros((3, 2), np.float32), np.zeros(2, np.float32))], PolicyConfig(input_size=3, widths=())
+    )
+    with pytest.raises(ConfigError, match="v_max"):
+        SpeedLimited(policy, JACKAL, v_max)
+
+
+@pytest.fixture
+def two_worlds(shared_data: Path, tmp_path: Path) -> Path:
+    for number in (18, 67):
+        shutil.copy(shared_data / "barn" / "worlds" / f"world_{number}.world", tmp_path)
+        shutil.copy(shared_data / "barn" / "paths" / f"path_{number}.npy", tmp_path)
+    return tmp_path
+
+
+@pytest.mark.integration
+def test_the_command_writes_what_it_prints(two_worlds: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = two_worlds / "out"
+    arguments = ("barn", "--worlds", two_worlds, "--policy", "astar-dwa", "--v-max", 0.5, "--trials", 2)
+    assert run_cli(*arguments, "--json", "-", "--out", out) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary == json.loads((out / "summary.json").read_text())
+    assert summary["v_max_mps"] == 0.5
+    assert (summary["worlds"], summary["trials"], summary["episodes"]) == (2, 2, 4)
+    assert [row["world"] for row in summary["per_world"]] == [18, 67]
+    table = pq.read_table(out / "episodes.parquet")
+    assert table["score"].to_numpy().mean() == pytest.approx(summary["score"])
+    # Success comes after 9 m and a little more: 18 s at 0.5 m/s, where 11 m at 2 m/s are 5.5 s.
+    assert 0.27 < summary["score"] < 5.8 / 18.0
+
+
+@pytest.mark.integration
+def test_only_the_jackal_is_scored(two_worlds: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+    diffbot = finished_run(tmp_path_factory)
+    assert run_cli("barn", "--worlds", two_worlds, "--policy", diffbot) == 2
+    assert run_cli("barn", "--worlds", two_worlds, "--policy", "astar-dwa", "--trials", 0) == 2
+    assert run_cli("barn", "--worlds", two_worlds / "nothing", "--policy", "astar-dwa") == 2
