@@ -1,6 +1,7 @@
 """Drives from ROS bags: what was recorded is found again, and what is missing is named."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,13 +22,13 @@ def record(path: Path, drives: Drives) -> None:
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
-    kind = store.types
+    kind: Any = store.types
 
-    def twist(v: float, w: float) -> object:
+    def twist(v: float, w: float) -> Any:
         vector = kind["geometry_msgs/msg/Vector3"]
         return kind["geometry_msgs/msg/Twist"](vector(v, 0.0, 0.0), vector(0.0, 0.0, w))
 
-    def odometry(v: float, w: float) -> object:
+    def odometry(v: float, w: float) -> Any:
         header = kind["std_msgs/msg/Header"](kind["builtin_interfaces/msg/Time"](0, 0), "odom")
         point, quaternion = kind["geometry_msgs/msg/Point"], kind["geometry_msgs/msg/Quaternion"]
         pose = kind["geometry_msgs/msg/Pose"](point(0.0, 0.0, 0.0), quaternion(0.0, 0.0, 0.0, 1.0))
@@ -42,7 +43,7 @@ def record(path: Path, drives: Drives) -> None:
         topics = {"/cmd_vel": "geometry_msgs/msg/Twist", "/odom": "nav_msgs/msg/Odometry"}
         lines = {name: writer.add_connection(name, of, typestore=store) for name, of in topics.items()}
 
-        def write(topic: str, seconds: float, message: object) -> None:
+        def write(topic: str, seconds: float, message: Any) -> None:
             raw = store.serialize_cdr(message, topics[topic])
             writer.write(lines[topic], START_NS + int(seconds * 1e9), raw)
 
@@ -65,7 +66,8 @@ def drives() -> Drives:
         change = (1.0 - np.exp(-DT_S / 0.15)) * (wanted - now)
         now = now + np.clip(change, (-0.2, -0.6), (0.2, 0.6))
         twist[k] = now
-    return Drives(np.zeros(len(command), np.int64), DT_S * (np.arange(len(command)) + 1), command, twist)
+    times = DT_S * np.arange(1.0, len(command) + 1.0)
+    return Drives(np.zeros(len(command), np.int64), times.astype(np.float64), command, twist)
 
 
 def test_commands_and_speeds_are_resampled_to_periods(tmp_path: Path, drives: Drives) -> None:

@@ -191,7 +191,7 @@ def _film(arguments: Sequence[str]) -> int:
     def filmed(robot: RobotConfig) -> Iterator[Gazebo]:
         with Gazebo(robot, film=tasks[0].world) as gazebo:
             yield gazebo
-            pictures.extend(gazebo.frames()[1:])  # the first is of before the start
+            pictures.extend(gazebo.frames())
 
     with progress_bar("filming"):
         result = api.evaluate(

@@ -2,6 +2,7 @@
 
 import math
 import struct
+import time
 from collections.abc import Mapping, Sequence
 from types import TracebackType
 from typing import Any
@@ -10,7 +11,7 @@ from xml.etree.ElementTree import Element, SubElement
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.errors import ConfigError
+from adrl.errors import ConfigError, WorldError
 from adrl.integrations.gazebo.film import camera
 from adrl.integrations.gazebo.model import body_of, robot_model, wheel_torque_nm
 from adrl.integrations.gazebo.server import PLUGIN, GazeboServer
@@ -31,6 +32,8 @@ PHYSICS_STEP_S = 0.004
 SOLVER_ITERATIONS = 20
 SPACING_M = 200.0
 """Between the worlds of two robots: no LiDAR of ours reaches that far."""
+WARM_UP_PERIODS = 1000
+"""Control periods after which a camera is given up."""
 NUMBERS = 11
 """Doubles of a robot's state, see plugin/lockstep.cpp."""
 
@@ -80,10 +83,16 @@ class Gazebo:
         """Boxes, cylinders and discs that each slot has."""
         self._standing: list[World | None] = [None] * num_envs
         self._film = film
+        self._warm_frames = 0
         if film is not None:
             self._standing[0] = film
             self._stock[0, 2] = len(film.discs)
-            self._arrange(0, Parts(np.empty((0, 5)), np.empty((0, 3)), []), film.discs)
+            try:
+                self._arrange(0, Parts(np.empty((0, 5)), np.empty((0, 3)), []), film.discs)
+                self._warm_camera()
+            except BaseException:
+                self.close()
+                raise
 
     def __enter__(self) -> "Gazebo":
         return self
@@ -98,8 +107,18 @@ class Gazebo:
         self._server.close()
 
     def frames(self) -> list[bytes]:
-        """JPEG pictures of the film so far, one each 1 / FRAMES_HZ s of simulated time."""
-        return self._server.frames()
+        """JPEG pictures of the film since the start, one each 1 / FRAMES_HZ s of simulated time."""
+        return self._server.frames()[self._warm_frames :]
+
+    def _warm_camera(self) -> None:
+        """Let time pass until the camera works: Gazebo waits for it from its first picture on."""
+        for _ in range(WARM_UP_PERIODS):
+            self._warm_frames = len(self._server.frames())
+            if self._warm_frames > 1:
+                return
+            time.sleep(0.02)
+            self._exchange(b"S" + self._commands.tobytes() + self._active.tobytes())
+        raise WorldError("Gazebo's camera takes no pictures; is the package libgl1-mesa-dri installed?")
 
     @property
     def process_id(self) -> int:

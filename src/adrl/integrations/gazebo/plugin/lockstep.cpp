@@ -152,8 +152,9 @@ class Lockstep : public gazebo::WorldPlugin {
     }
 
   private:
-    // Robots and sensors appear some updates after the world.
+    // Robots and sensors appear some updates after the world, cameras last.
     bool find_robots() {
+        if (!sensors::SensorManager::Instance()->SensorsInitialized()) return false;
         for (std::size_t i = 0; i < robots_.size(); ++i) {
             Robot &robot = robots_[i];
             const std::string name = "robot_" + std::to_string(i);
