@@ -13,7 +13,9 @@ from adrl.report.reproduction_numbers import HARD_SHARE, LEVELS, claims, summary
 
 SCHEMA_VERSION = 1
 TABLES_FILE, PAGE_FILE = "tables.json", "README.md"
-CLAIMS_NOTE = "Each verdict ranks means or medians over seeds; the intervals above say whether more than noise is behind it."
+CLAIMS_NOTE = (
+    "Verdicts rank means or medians over seeds; the intervals above say whether one is more than noise."
+)
 GUIDANCE_NOTES = {
     "goal": "without replanner",
     "replan": "with replanner",
