@@ -25,7 +25,7 @@ from adrl.commands.evaluate import EvaluateOptions
 from adrl.commands.export import ExportOptions
 from adrl.commands.gazebo import EvaluateOptions as GazeboEvaluateOptions
 from adrl.commands.gazebo import ExportOptions as GazeboExportOptions
-from adrl.commands.gazebo import TransferOptions
+from adrl.commands.gazebo import FilmOptions, TransferOptions
 from adrl.commands.list import ListOptions
 from adrl.commands.report import ReportOptions
 from adrl.commands.reproduce import ReproduceOptions
@@ -49,6 +49,7 @@ OPTIONS: dict[str, Any] = {
     "list": ListOptions,
     "gazebo evaluate": GazeboEvaluateOptions,
     "gazebo transfer": TransferOptions,
+    "gazebo film": FilmOptions,
     "gazebo export": GazeboExportOptions,
     "calibrate": CalibrateOptions,
     "reproduce": ReproduceOptions,

@@ -9,6 +9,7 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
+from PIL import Image
 
 from adrl import _core
 from adrl.cli import main
@@ -259,3 +260,15 @@ def test_transfer_pairs_the_simulators_and_explains_the_gap(gazebo: Gazebo, tmp_
     after = np.array([fit["speed_error_mps"], fit["yaw_rate_error_radps"]]) / limits
     before = np.array([fit["speed_error_before_mps"], fit["yaw_rate_error_before_radps"]]) / limits
     assert after @ after <= before @ before + 1e-6
+
+
+@pytest.mark.gazebo
+@pytest.mark.slow
+def test_a_film_shows_the_robot_on_its_way(gazebo: Gazebo, tmp_path: Path) -> None:
+    out = tmp_path / "film.png"
+    assert main(["gazebo", "film", "--scenario", "clutter", "--frames", "2", "--out", str(out)]) == 0
+    pixels = np.asarray(Image.open(out).convert("RGB")).astype(int)
+    blue = (pixels[..., 2] > 120) & (pixels[..., 0] < 80)
+    middles = [np.argwhere(half).mean(axis=0) for half in (blue[:, :480], blue[:, 484:])]
+    assert 20 < blue[:, :480].sum() < 4000
+    assert np.hypot(*(middles[1] - middles[0])) > 50

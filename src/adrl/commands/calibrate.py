@@ -10,6 +10,7 @@ import tyro
 from adrl import files
 from adrl.commands.options import console, parse, require_file
 from adrl.evaluation.calibration import calibrate
+from adrl.evaluation.drive_bags import COMMAND_TOPIC, ODOMETRY_TOPIC, read_bag
 from adrl.evaluation.drives import read_drives
 from adrl.worlds.robots import load_robot, robot_toml
 
@@ -19,10 +20,14 @@ class CalibrateOptions:
     """What was driven, and by which robot."""
 
     drives: Annotated[Path, tyro.conf.Positional]
-    """CSV file with the columns drive, time_s, command_mps, command_radps, speed_mps, yaw_rate_radps: a row a control
-    period, with the command given in it and the speeds at its end."""
+    """A ROS 1 or ROS 2 bag (extra bags), or a CSV file with the columns drive, time_s, command_mps, command_radps,
+    speed_mps, yaw_rate_radps: a row a control period, with the command given in it and the speeds at its end."""
     robot: str = "diffbot"
     """The robot that drove: a name (adrl list) or a TOML file. Its constants are where the search begins."""
+    command_topic: str = COMMAND_TOPIC
+    """Topic of a bag's commands, Twist or TwistStamped."""
+    odometry_topic: str = ODOMETRY_TOPIC
+    """Topic of a bag's odometry."""
     out: Path | None = None
     """TOML file for the robot with the fitted constants, which every --robot takes."""
 
@@ -36,7 +41,13 @@ def main(arguments: Sequence[str]) -> int:
         "Fit lag, acceleration and latency of our simulator's base to drives recorded elsewhere.",
     )
     require_file("--out", options.out)
-    fit = calibrate(read_drives(options.drives), load_robot(options.robot))
+    robot = load_robot(options.robot)
+    if options.drives.suffix == ".csv":
+        drives = read_drives(options.drives)
+    else:
+        topics = (options.command_topic, options.odometry_topic)
+        drives = read_bag(options.drives, robot.control_period_s, *topics)
+    fit = calibrate(drives, robot)
     print(files.to_json(fit.summary()))
     if options.out is not None:
         files.atomic_write_text(options.out, robot_toml(fit.robot))

@@ -1,18 +1,21 @@
 """adrl gazebo."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 from adrl import api, files
 from adrl.commands.options import console, parse, progress_bar, require_file, require_folder
-from adrl.errors import UnknownName
+from adrl.errors import ConfigError, UnknownName
 from adrl.evaluation.calibration import calibrate
 from adrl.evaluation.drives import DriveRecorder
 from adrl.evaluation.results import comparison_table
 from adrl.evaluation.transfer import Side, transfer_document, transfer_table
 from adrl.integrations.gazebo import Gazebo
+from adrl.integrations.gazebo.film import contact_sheet
 from adrl.types import RobotConfig
 from adrl.worlds import load_robot, task_set
 from adrl.worlds.place import Place
@@ -21,6 +24,7 @@ from adrl.worlds.sdf_write import save_sdf
 WHAT = {
     "evaluate": "drive a policy on fixed tasks in Gazebo",
     "transfer": "the same tasks in our simulator and in Gazebo, and the gap between them",
+    "film": "one task in Gazebo, as its camera sees it",
     "export": "write a scenario's world, or a map, as a Gazebo world",
 }
 
@@ -39,6 +43,8 @@ class EvaluateOptions(Place):
     """Which tasks: task i of a split is the same for ever."""
     episodes: int = 500
     """Tasks to drive, one episode each."""
+    num_envs: int = 8
+    """Robots that Gazebo drives side by side, each in a world of its own."""
     seed: int = 0
     """Of the sensors' noise; the tasks stay the same."""
     drives: Path | None = None
@@ -63,12 +69,34 @@ class TransferOptions(Place):
     """Which tasks."""
     episodes: int = 500
     """Tasks to drive in each simulator."""
+    num_envs: int = 8
+    """Robots that Gazebo drives side by side, each in a world of its own."""
     seed: int = 0
     """Of the sensors' noise."""
     out: Path | None = None
     """Folder for transfer.json, and each simulator's episodes.parquet, summary.json and drives.csv."""
     json: Path | None = None
     """File for the results; - prints them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmOptions(Place):
+    """Which policy drives where."""
+
+    out: Path
+    """PNG file for the frames."""
+    policy: str = api.DEFAULT
+    """astar-dwa (knows the map), default (the shipped policy), or a run folder."""
+    robot: str | None = None
+    """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
+    guidance: Literal["goal", "replan", "map"] | None = None
+    """As adrl evaluate has it; as trained when left out."""
+    split: Literal["train", "validation", "test"] = "test"
+    """Split of the task"""
+    task: int = 0
+    """and its number."""
+    frames: int = 6
+    """Frames to show, evenly over the drive."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +124,7 @@ def main(arguments: Sequence[str]) -> int:
     what, rest = arguments[0], arguments[1:]
     if what not in WHAT:
         raise UnknownName("Gazebo command", what, WHAT)
-    return {"evaluate": _evaluate, "transfer": _transfer, "export": _export}[what](rest)
+    return {"evaluate": _evaluate, "transfer": _transfer, "film": _film, "export": _export}[what](rest)
 
 
 def _evaluate(arguments: Sequence[str]) -> int:
@@ -104,7 +132,7 @@ def _evaluate(arguments: Sequence[str]) -> int:
     require_folder("--out", options.out)
     require_file("--json", options.json)
     require_file("--drives", options.drives)
-    side = _drive(options, "Gazebo", make_body=Gazebo, out=options.out)
+    side = _drive(options, "Gazebo", make_body=partial(Gazebo, num_envs=options.num_envs), out=options.out)
     if options.drives is not None:
         side.drives.save(options.drives)
     _write(options.json, side.document())
@@ -125,7 +153,15 @@ def _transfer(arguments: Sequence[str]) -> int:
     robot = load_robot(options.robot or api.robot_of(options.policy))
     place = {"native": None, "gazebo": None, "calibrated": None}
     folders = {name: None if options.out is None else options.out / name for name in place}
-    sides = {"gazebo": _drive(options, "Gazebo", robot=robot, make_body=Gazebo, out=folders["gazebo"])}
+    sides = {
+        "gazebo": _drive(
+            options,
+            "Gazebo",
+            robot=robot,
+            make_body=partial(Gazebo, num_envs=options.num_envs),
+            out=folders["gazebo"],
+        )
+    }
     fit = calibrate(sides["gazebo"].drives, robot)
     sides["native"] = _drive(options, "native", robot=robot, out=folders["native"])
     # The tasks are those of the robot as configured: the fitted base only drives them.
@@ -139,6 +175,37 @@ def _transfer(arguments: Sequence[str]) -> int:
             side.drives.save(options.out / name / "drives.csv")
     _write(options.json, document)
     console().print(transfer_table(document))
+    return 0
+
+
+def _film(arguments: Sequence[str]) -> int:
+    options = parse(FilmOptions, arguments, "gazebo film", "Film one task in Gazebo from above.")
+    require_file("--out", options.out)
+    if options.frames < 1:
+        raise ConfigError(f"frames is {options.frames}; give 1 or more")
+    place, robot = options.load(), load_robot(options.robot or api.robot_of(options.policy))
+    tasks = task_set(place, robot, options.split, 1, first=options.task)
+    pictures: list[bytes] = []
+
+    @contextmanager
+    def filmed(robot: RobotConfig) -> Iterator[Gazebo]:
+        with Gazebo(robot, film=tasks[0].world) as gazebo:
+            yield gazebo
+            pictures.extend(gazebo.frames()[1:])  # the first is of before the start
+
+    with progress_bar("filming"):
+        result = api.evaluate(
+            options.policy,
+            scenario=place,
+            robot=robot,
+            guidance=options.guidance,
+            tasks=tasks,
+            make_body=filmed,
+        )
+    files.atomic_write_bytes(options.out, contact_sheet(pictures, options.frames))
+    arrived = "arrived" if result.summary["success"] else "did not arrive"
+    console().print(f"{arrived}; {len(pictures)} frames, a second of simulated time apart")
+    print(options.out)
     return 0
 
 

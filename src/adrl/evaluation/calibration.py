@@ -115,10 +115,12 @@ class _Fit:
             told = np.concatenate([np.zeros((history, 2)), command[rows]])
             at_rest = abs(drives.time_s[rows[0]] - dt) < 0.1 * dt
             twist = drives.twist[rows]
-            before.append(np.concatenate([np.zeros((1, 2)), twist[:-1]])[0 if at_rest else 1 :])
-            after.append(twist[0 if at_rest else 1 :])
+            # What was told before the rows of a drive that was under way is not known.
+            first = 0 if at_rest else history
+            before.append(np.concatenate([np.zeros((1, 2)), twist[:-1]])[first:])
+            after.append(twist[first:])
             stacked = np.stack([told[history - k : len(told) - k] for k in range(history + 1)], axis=1)
-            commands.append(stacked[0 if at_rest else 1 :])
+            commands.append(stacked[first:])
         self._before, self._after = np.concatenate(before), np.concatenate(after)
         self._commands = np.concatenate(commands)  # (R, history + 1, 2)
         self.rows = len(self._after)

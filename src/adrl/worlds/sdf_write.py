@@ -140,6 +140,8 @@ def _model(name: str, shapes: list[Shape], place: tuple[float, float]) -> Elemen
             part = SubElement(link, kind, name=f"{kind}_{i}")
             add(part, "pose", x, y, z, 0.0, 0.0, yaw)
             part.append(geometry)
+            if kind == "visual":
+                _paint(part, 0.75, 0.45, 0.2)
     return model
 
 
@@ -152,14 +154,22 @@ def _ground() -> Element:
         plane = SubElement(SubElement(part, "geometry"), "plane")
         add(plane, "normal", 0, 0, 1)
         add(plane, "size", 1000, 1000)
+        if kind == "visual":
+            _paint(part, 0.6, 0.6, 0.6)
     return model
+
+
+def _paint(visual: Element, *colour: float) -> None:
+    material = SubElement(visual, "material")
+    for light in ("ambient", "diffuse"):
+        add(material, light, *colour, 1)
 
 
 def _sun() -> Element:
     light = Element("light", name="sun", type="directional")
-    add(light, "cast_shadows", "true")
+    add(light, "cast_shadows", "false")
     add(light, "pose", 0, 0, 10, 0, 0, 0)
-    add(light, "diffuse", 0.8, 0.8, 0.8, 1)
+    add(light, "diffuse", 0.6, 0.6, 0.6, 1)
     add(light, "direction", -0.5, 0.2, -0.9)
     return light
 

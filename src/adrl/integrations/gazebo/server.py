@@ -32,8 +32,9 @@ def is_installed() -> bool:
 class GazeboServer:
     """gzserver on a world, headless, that waits for our messages. Use as a context, or close()."""
 
-    def __init__(self, world_sdf: Element, *, seed: int = 0) -> None:
-        """world_sdf: the document of a world with our plugin, whose port is filled in here.
+    def __init__(self, world_sdf: Element, *, seed: int = 0, rendered: bool = False) -> None:
+        """world_sdf: the document of a world with our plugin, whose port is filled in here. rendered: for cameras,
+        whose frames are saved.
 
         Raises MissingExtra where Gazebo is not set up, WorldError when it does not start.
         """
@@ -43,6 +44,7 @@ class GazeboServer:
         root = folder / "root"
         chroot = root.is_dir()
         self._files = Path(tempfile.mkdtemp(prefix="adrl-", dir=root / "tmp" if chroot else None))
+        self._display: subprocess.Popen[bytes] | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._socket: socket.socket | None = None
         self._log = self._files / "log"
@@ -51,20 +53,26 @@ class GazeboServer:
                 world = self._files / "adrl.world"
                 for port in world_sdf.iterfind("world/plugin/port"):
                     port.text = str(listener.getsockname()[1])
-                world.write_bytes(to_bytes(world_sdf))
                 inside = Path("/", world.relative_to(root)) if chroot else world
-                self._process = self._start(root if chroot else None, folder, inside, seed)
+                for path in world_sdf.iter("path"):
+                    path.text = str(inside.parent / "frames")
+                world.write_bytes(to_bytes(world_sdf))
+                self._process = self._start(root if chroot else None, folder, inside, seed, rendered)
                 self._socket = self._accept(listener)
         except BaseException:
             self.close()
             raise
 
-    def _start(self, root: Path | None, folder: Path, world: Path, seed: int) -> subprocess.Popen[bytes]:
+    def _start(
+        self, root: Path | None, folder: Path, world: Path, seed: int, rendered: bool
+    ) -> subprocess.Popen[bytes]:
         command = ["gzserver", "--seed", str(seed + 1), str(world)]
         if root is not None:
             # Only root may chroot; others may in a user namespace of their own.
             enter = [] if os.geteuid() == 0 else ["unshare", "--map-root-user"]
-            command = [*enter, "chroot", str(root), *command]
+            prefix = [*enter, "chroot", str(root)]
+        else:
+            prefix = []
         environment = {
             "PATH": "/usr/sbin:/usr/bin:/sbin:/bin",
             "HOME": str(world.parent),
@@ -75,15 +83,47 @@ class GazeboServer:
             "GAZEBO_PLUGIN_PATH": "/opt/adrl" if root is not None else str(folder),
             "GAZEBO_RESOURCE_PATH": "/usr/share/gazebo-11",
         }
+        if rendered:
+            # Gazebo waits for its cameras, so that no frame is left out.
+            command.append("--lockstep")
+            environment |= {"DISPLAY": self._open_display(prefix), "LIBGL_ALWAYS_SOFTWARE": "1"}
         with open(self._log, "wb") as log:
             return subprocess.Popen(
-                command,
+                [*prefix, *command],
                 env=environment,
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,  # Ctrl-C is for the parent, which then ends it
             )
+
+    def _open_display(self, prefix: list[str]) -> str:
+        """A screen in memory that Gazebo renders with. Raises MissingExtra without Xvfb."""
+        reader, writer = os.pipe()
+        command = ["Xvfb", "-displayfd", str(writer), "-screen", "0", "640x480x24", "-nolisten", "tcp"]
+        try:
+            self._display = subprocess.Popen(
+                [*prefix, *command],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                pass_fds=(writer,),
+                start_new_session=True,
+            )
+        except FileNotFoundError:
+            os.close(reader)
+            raise MissingExtra("cameras need Xvfb; install the package xvfb") from None
+        finally:
+            os.close(writer)
+        with open(reader, "rb") as numbers:
+            number = numbers.readline().decode().strip()
+        if not number:
+            raise MissingExtra("cameras need Xvfb, which did not start; install the package xvfb")
+        return f":{number}"
+
+    def frames(self) -> list[bytes]:
+        """Pictures that cameras have saved, in order."""
+        return [path.read_bytes() for path in sorted((self._files / "frames").glob("*.jpg"))]
 
     def _accept(self, listener: socket.socket) -> socket.socket:
         """The plugin's connection."""
@@ -138,6 +178,10 @@ class GazeboServer:
                 self._process.kill()
                 self._process.wait()
             self._process = None
+        if self._display is not None:
+            self._display.kill()
+            self._display.wait()
+            self._display = None
         shutil.rmtree(self._files, ignore_errors=True)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.errors import ConfigError
+from adrl.integrations.gazebo.film import camera
 from adrl.integrations.gazebo.model import body_of, robot_model, wheel_torque_nm
 from adrl.integrations.gazebo.server import PLUGIN, GazeboServer
 from adrl.types import RobotConfig, Task, World
@@ -37,8 +38,10 @@ class Gazebo:
         *,
         physics_step_s: float = PHYSICS_STEP_S,
         seed: int = 0,
+        film: World | None = None,
     ) -> None:
         """num_envs: robots side by side. physics_step_s: about that, as the control period is a multiple of it.
+        film: the world of robot 0's first tasks, filmed from above, which is slow; see frames().
 
         Raises MissingExtra where Gazebo is not set up; ConfigError; WorldError when it does not start.
         """
@@ -54,13 +57,16 @@ class Gazebo:
         content = [_physics(robot.control_period_s / steps)]
         content += [robot_model(robot, f"robot_{i}", (i * SPACING_M, 0.0, 0.0)) for i in range(num_envs)]
         content.append(_plugin(robot, num_envs, steps))
-        self._server = GazeboServer(document(content, ground=True), seed=seed)
+        if film is not None:
+            # What is to be seen has to stand from the beginning.
+            content += [*models(film, "_0"), camera(film)]
+        self._server = GazeboServer(document(content, ground=True), seed=seed, rendered=film is not None)
         self._offset = np.arange(num_envs) * SPACING_M
         row = np.dtype([("numbers", "<f8", NUMBERS), ("ranges", "<f4", robot.lidar.num_beams)])
         self._reply = np.zeros(num_envs, dtype=row)
         self._commands = np.zeros((num_envs, 2), "<f8")
         self._active = np.zeros(num_envs, np.uint8)
-        self._standing: list[World | None] = [None] * num_envs
+        self._standing: list[World | None] = [film, *([None] * (num_envs - 1))]
 
     def __enter__(self) -> "Gazebo":
         return self
@@ -73,6 +79,10 @@ class Gazebo:
     def close(self) -> None:
         """End Gazebo."""
         self._server.close()
+
+    def frames(self) -> list[bytes]:
+        """JPEG pictures of the film so far, one each 1 / FRAMES_HZ s of simulated time."""
+        return self._server.frames()
 
     @property
     def process_id(self) -> int:

@@ -267,9 +267,7 @@ class Lockstep : public gazebo::WorldPlugin {
         for (const auto &row : rows) robot.fastest_disc = std::max(robot.fastest_disc, row[5]);
         for (std::size_t j = 0; j < rows.size(); ++j) {
             const std::string name = "disc_" + std::to_string(slot) + "_" + std::to_string(j);
-            for (const ModelPtr &model : robot.scenery) {
-                if (model->GetName() == name) robot.discs.push_back({model, rows[j]});
-            }
+            if (const ModelPtr model = world_->ModelByName(name)) robot.discs.push_back({model, rows[j]});
         }
         ignition::math::Rand::Seed(seed);
         world_->Physics()->SetSeed(seed);

@@ -1,0 +1,93 @@
+"""Drives from ROS bags: what was recorded is found again, and what is missing is named."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adrl.errors import DatasetError
+from adrl.evaluation.calibration import calibrate
+from adrl.evaluation.drive_bags import read_bag
+from adrl.evaluation.drives import Drives
+from adrl.worlds import load_robot
+
+DT_S = 0.1
+START_NS = 1_700_000_000_000_000_000
+
+
+def record(path: Path, drives: Drives) -> None:
+    """A ROS 2 bag of one drive: commands at the beginnings of the periods, odometry at 50 Hz."""
+    from rosbags.rosbag2 import Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kind = store.types
+
+    def twist(v: float, w: float) -> object:
+        vector = kind["geometry_msgs/msg/Vector3"]
+        return kind["geometry_msgs/msg/Twist"](vector(v, 0.0, 0.0), vector(0.0, 0.0, w))
+
+    def odometry(v: float, w: float) -> object:
+        header = kind["std_msgs/msg/Header"](kind["builtin_interfaces/msg/Time"](0, 0), "odom")
+        point, quaternion = kind["geometry_msgs/msg/Point"], kind["geometry_msgs/msg/Quaternion"]
+        pose = kind["geometry_msgs/msg/Pose"](point(0.0, 0.0, 0.0), quaternion(0.0, 0.0, 0.0, 1.0))
+        return kind["nav_msgs/msg/Odometry"](
+            header,
+            "base",
+            kind["geometry_msgs/msg/PoseWithCovariance"](pose, np.zeros(36)),
+            kind["geometry_msgs/msg/TwistWithCovariance"](twist(v, w), np.zeros(36)),
+        )
+
+    with Writer(path, version=9) as writer:
+        topics = {"/cmd_vel": "geometry_msgs/msg/Twist", "/odom": "nav_msgs/msg/Odometry"}
+        lines = {name: writer.add_connection(name, of, typestore=store) for name, of in topics.items()}
+
+        def write(topic: str, seconds: float, message: object) -> None:
+            raw = store.serialize_cdr(message, topics[topic])
+            writer.write(lines[topic], START_NS + int(seconds * 1e9), raw)
+
+        for end_s, command in zip(drives.time_s, drives.command, strict=True):
+            write("/cmd_vel", 0.037 + end_s - DT_S, twist(*command))
+        times = np.concatenate([[0.0], drives.time_s])
+        speeds = np.concatenate([np.zeros((1, 2)), drives.twist])
+        for seconds in np.arange(0.0, drives.time_s[-1], 0.02):
+            now = [float(np.interp(seconds, times, speeds[:, column])) for column in (0, 1)]
+            write("/odom", 0.037 + seconds, odometry(*now))
+
+
+@pytest.fixture(scope="module")
+def drives() -> Drives:
+    """One drive of a base with a lag, in closed form."""
+    rng = np.random.default_rng(2)
+    command = np.repeat(rng.uniform((0.0, -1.5), (0.6, 1.5), (60, 2)), 5, axis=0)
+    twist, now = np.empty_like(command), np.zeros(2)
+    for k, wanted in enumerate(command):
+        change = (1.0 - np.exp(-DT_S / 0.15)) * (wanted - now)
+        now = now + np.clip(change, (-0.2, -0.6), (0.2, 0.6))
+        twist[k] = now
+    return Drives(np.zeros(len(command), np.int64), DT_S * (np.arange(len(command)) + 1), command, twist)
+
+
+def test_commands_and_speeds_are_resampled_to_periods(tmp_path: Path, drives: Drives) -> None:
+    record(tmp_path / "bag", drives)
+    read = read_bag(tmp_path / "bag", DT_S)
+    assert len(read) == pytest.approx(len(drives), abs=3)
+    first = next(k for k in range(4) if np.allclose(drives.command[k : k + 50], read.command[:50]))
+    count = len(read)
+    np.testing.assert_allclose(read.command, drives.command[first : first + count])
+    # Odometry at 50 Hz between two periods: a kink in the speed is cut by at most 0.02 s of acceleration.
+    assert np.abs(read.twist - drives.twist[first : first + count]).max() < 0.12
+    fit = calibrate(read, load_robot("diffbot"))
+    assert fit.robot.lag_s == pytest.approx(0.15, abs=0.03)
+    assert fit.robot.latency_s < 0.03
+
+
+def test_what_is_missing_is_named(tmp_path: Path, drives: Drives) -> None:
+    with pytest.raises(DatasetError, match=r"gone: no such file"):
+        read_bag(tmp_path / "gone", DT_S)
+    (tmp_path / "text.bag").write_text("no bag")
+    with pytest.raises(DatasetError, match=r"text\.bag: not a readable bag"):
+        read_bag(tmp_path / "text.bag", DT_S)
+    record(tmp_path / "bag", drives)
+    with pytest.raises(DatasetError, match=r"no topic /nav; it has /cmd_vel, /odom"):
+        read_bag(tmp_path / "bag", DT_S, "/nav")
