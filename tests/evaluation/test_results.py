@@ -25,7 +25,17 @@ from adrl.evaluation.results import (
     write_episodes,
 )
 
-ABOUT = ("schema_version", "policy", "method", "robot", "scenario", "guidance", "split", "simulator", "episodes")
+ABOUT = (
+    "schema_version",
+    "policy",
+    "method",
+    "robot",
+    "scenario",
+    "guidance",
+    "split",
+    "simulator",
+    "episodes",
+)
 MEASURED = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")
 MORE = ("least_clearance_m", "smoothness")
 TRAINING = ("train_seconds", "env_steps", "gradient_updates")
