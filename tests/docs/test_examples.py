@@ -39,7 +39,11 @@ def run(program: str, folder: Path) -> str:
     file = folder / "page.py"
     file.write_text(program)
     done = subprocess.run(
-        [sys.executable, file], cwd=folder, env=os.environ | {"OMP_NUM_THREADS": "1"}, capture_output=True, text=True
+        [sys.executable, file],
+        cwd=folder,
+        env=os.environ | {"OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
     )
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -1,6 +1,7 @@
 """Drives from ROS bags: what was recorded is found again, and what is missing is named."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,7 @@ def record(path: Path, drives: Drives) -> None:
     store = get_typestore(Stores.ROS2_HUMBLE)
     kind = store.types
 
-    def twist(v: float, w: float) -> object:
+    def twist(v: float, w: float) -> Any:
         vector = kind["geometry_msgs/msg/Vector3"]
         return kind["geometry_msgs/msg/Twist"](vector(v, 0.0, 0.0), vector(0.0, 0.0, w))
 
@@ -65,7 +66,7 @@ def drives() -> Drives:
         change = (1.0 - np.exp(-DT_S / 0.15)) * (wanted - now)
         now = now + np.clip(change, (-0.2, -0.6), (0.2, 0.6))
         twist[k] = now
-    return Drives(np.zeros(len(command), np.int64), DT_S * (np.arange(len(command)) + 1), command, twist)
+    return Drives(np.zeros(len(command), np.int64), DT_S * np.arange(1.0, len(command) + 1.0), command, twist)
 
 
 def test_commands_and_speeds_are_resampled_to_periods(tmp_path: Path, drives: Drives) -> None:
