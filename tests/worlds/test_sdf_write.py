@@ -65,7 +65,7 @@ def test_rectangles_cover_each_solid_cell_once_and_no_other(solid: np.ndarray) -
 def test_a_moving_disc_is_a_model_where_it_begins(tmp_path: Path) -> None:
     world = task_set(SCENARIOS["dynamic"], load_robot("diffbot"), "test", 1)[0].world
     assert len(world.discs)
-    names = [model.get("name") for model in models(world, "_3", (200.0, 0.0))]
+    names = [model.get("name") for model in models(world, "_3")]
     assert names == ["obstacles_3", *(f"disc_3_{j}" for j in range(len(world.discs)))]
     save_sdf(tmp_path / "w.sdf", world)
     starts = load_sdf(tmp_path / "w.sdf").circles[len(world.circles) :, :2]

@@ -2,6 +2,7 @@
 
 import math
 import os
+from dataclasses import dataclass
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from adrl import files
 from adrl.types import Array, World
+from adrl.worlds.shapes import place
 
 HEIGHT_M = 1.0
 """All that stands in the way is this high."""
@@ -42,30 +44,61 @@ def to_bytes(root: Element) -> bytes:
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True)
 
 
-def models(world: World, suffix: str = "", offset_m: tuple[float, float] = (0.0, 0.0)) -> list[Element]:
-    """One model `obstacles` of all that stands still, and a model `disc_<j>` of each moving disc.
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """What stands still in a world, in shapes that Gazebo has."""
 
-    suffix: to the names, before a disc's number. offset_m: added to all positions.
-    """
-    standing = [_cylinder(*circle) for circle in world.circles]
-    standing += [_prism(corners) for corners in world.polygons]
-    standing += [_wall(segment) for segment in world.segments]
+    boxes: Array
+    """(B, 5) x, y, yaw, length, width: rectangles, walls and rectangles of solid cells."""
+    cylinders: Array
+    """(C, 3) x, y, radius."""
+    prisms: list[Array]
+    """Convex polygons (V, 2) that are no rectangles."""
+
+
+def parts(world: World) -> Parts:
+    """Taken apart."""
+    boxes, prisms = [], []
+    for corners in world.polygons:
+        rectangle = _rectangle(corners)
+        boxes += [] if rectangle is None else [rectangle]
+        prisms += [corners] if rectangle is None else []
+    for x1, y1, x2, y2 in world.segments:
+        middle, along = (0.5 * (x1 + x2), 0.5 * (y1 + y2)), math.atan2(y2 - y1, x2 - x1)
+        boxes.append((*middle, along, math.hypot(x2 - x1, y2 - y1), WALL_M))
     if world.grid is not None:
         x, y, yaw = world.grid.origin
         for part in cover(world.grid.solid):
             column, row, width, height = np.array(part) * world.grid.resolution_m
-            along, across = column + 0.5 * width, row + 0.5 * height
-            middle = (
-                x + math.cos(yaw) * along - math.sin(yaw) * across,
-                y + math.sin(yaw) * along + math.cos(yaw) * across,
-            )
-            standing.append(_box(*middle, width, height, yaw))
-    found = [_model(f"obstacles{suffix}", standing, offset_m)] if standing else []
+            middle = place(np.array([(column + 0.5 * width, row + 0.5 * height)]), x, y, yaw)[0]
+            boxes.append((*middle, yaw, width, height))
+    return Parts(np.array(boxes, dtype=np.float64).reshape(-1, 5), world.circles, prisms)
+
+
+def models(world: World, suffix: str = "") -> list[Element]:
+    """One model `obstacles` of all that stands still, and a model `disc_<j>` of each moving disc.
+
+    suffix: to the names, before a disc's number.
+    """
+    standing = parts(world)
+    shapes = [_box(*box) for box in standing.boxes]
+    shapes += [_cylinder(*cylinder) for cylinder in standing.cylinders]
+    shapes += [_prism(corners) for corners in standing.prisms]
+    found = [model(f"obstacles{suffix}", shapes)] if shapes else []
     starts = world.coordinates(0.0)[len(world.circles) + len(world.segments) + len(world.polygons) :]
     for j, (disc, (x, y)) in enumerate(zip(world.discs, starts, strict=False)):
-        place = (x + offset_m[0], y + offset_m[1])
-        found.append(_model(f"disc{suffix}_{j}", [_cylinder(0.0, 0.0, disc[4])], place))
+        found.append(model(f"disc{suffix}_{j}", [_cylinder(0.0, 0.0, disc[4])], (x, y)))
     return found
+
+
+def unit_shapes(boxes: int, cylinders: int) -> list["Shape"]:
+    """Shapes of 1 m to be given sizes and places later."""
+    return [_box(0.0, 0.0, 0.0, 1.0, 1.0)] * boxes + [_cylinder(0.0, 0.0, 0.5)] * cylinders
+
+
+def prism_shapes(prisms: list[Array]) -> list["Shape"]:
+    """Extruded polygons."""
+    return [_prism(corners) for corners in prisms]
 
 
 def cover(solid: NDArray[np.uint8]) -> list[tuple[int, int, int, int]]:
@@ -100,26 +133,24 @@ def _cylinder(x: float, y: float, radius: float) -> Shape:
     return geometry, (x, y, 0.0)
 
 
-def _box(x: float, y: float, length: float, width: float, yaw: float) -> Shape:
+def _box(x: float, y: float, yaw: float, length: float, width: float) -> Shape:
     geometry = Element("geometry")
     add(SubElement(geometry, "box"), "size", length, width, HEIGHT_M)
     return geometry, (x, y, yaw)
 
 
-def _wall(segment: Array) -> Shape:
-    (x1, y1, x2, y2) = segment
-    length = math.hypot(x2 - x1, y2 - y1)
-    return _box(0.5 * (x1 + x2), 0.5 * (y1 + y2), length, WALL_M, math.atan2(y2 - y1, x2 - x1))
+def _rectangle(corners: Array) -> tuple[float, float, float, float, float] | None:
+    """x, y, yaw, length and width of a rectangle with these corners; None for another shape."""
+    sides = np.roll(corners, -1, axis=0) - corners
+    if len(corners) != 4 or max(abs(sides[0] + sides[2]).max(), abs(sides[0] @ sides[1])) > 1e-9:
+        return None
+    x, y = corners.mean(axis=0)
+    yaw = math.atan2(sides[0, 1], sides[0, 0])
+    return float(x), float(y), yaw, float(np.hypot(*sides[0])), float(np.hypot(*sides[1]))
 
 
 def _prism(corners: Array) -> Shape:
-    """A box where the corners are a rectangle's, else a polyline."""
     x, y = corners.mean(axis=0)
-    sides = np.roll(corners, -1, axis=0) - corners
-    rectangle = len(corners) == 4 and max(abs(sides[0] + sides[2]).max(), abs(sides[0] @ sides[1])) < 1e-9
-    if rectangle:
-        length, width = np.hypot(*sides[0]), np.hypot(*sides[1])
-        return _box(x, y, length, width, math.atan2(sides[0, 1], sides[0, 0]))
     geometry = Element("geometry")
     shape = SubElement(geometry, "polyline")
     for corner in corners - (x, y):
@@ -128,21 +159,24 @@ def _prism(corners: Array) -> Shape:
     return geometry, (x, y, 0.0)
 
 
-def _model(name: str, shapes: list[Shape], place: tuple[float, float]) -> Element:
-    model = Element("model", name=name)
-    add(model, "static", "true")
-    add(model, "pose", *place, 0.0, 0.0, 0.0, 0.0)
-    link = SubElement(model, "link", name="link")
+def model(
+    name: str, shapes: list[Shape], at: tuple[float, float] = (0.0, 0.0), *, visible: bool = True
+) -> Element:
+    """A model that stands still. visible: has a look, too, not only a body."""
+    whole = Element("model", name=name)
+    add(whole, "static", "true")
+    add(whole, "pose", *at, 0.0, 0.0, 0.0, 0.0)
+    link = SubElement(whole, "link", name="link")
     for i, (geometry, (x, y, yaw)) in enumerate(shapes):
         # A polyline is extruded upwards from its pose, all else stands about it.
         z = 0.0 if geometry.find("polyline") is not None else 0.5 * HEIGHT_M
-        for kind in ("collision", "visual"):
+        for kind in ("collision", "visual") if visible else ("collision",):
             part = SubElement(link, kind, name=f"{kind}_{i}")
             add(part, "pose", x, y, z, 0.0, 0.0, yaw)
             part.append(geometry)
             if kind == "visual":
                 _paint(part, 0.75, 0.45, 0.2)
-    return model
+    return whole
 
 
 def _ground() -> Element:

@@ -14,8 +14,18 @@ from adrl.errors import ConfigError
 from adrl.integrations.gazebo.film import camera
 from adrl.integrations.gazebo.model import body_of, robot_model, wheel_torque_nm
 from adrl.integrations.gazebo.server import PLUGIN, GazeboServer
-from adrl.types import RobotConfig, Task, World
-from adrl.worlds.sdf_write import add, document, models, to_bytes
+from adrl.types import Array, RobotConfig, Task, World
+from adrl.worlds.sdf_write import (
+    Parts,
+    add,
+    document,
+    model,
+    models,
+    parts,
+    prism_shapes,
+    to_bytes,
+    unit_shapes,
+)
 
 PHYSICS_STEP_S = 0.004
 SOLVER_ITERATIONS = 20
@@ -41,12 +51,12 @@ class Gazebo:
         film: World | None = None,
     ) -> None:
         """num_envs: robots side by side. physics_step_s: about that, as the control period is a multiple of it.
-        film: the world of robot 0's first tasks, filmed from above, which is slow; see frames().
+        film: the only world of the only robot, filmed from above, which is slow; see frames().
 
         Raises MissingExtra where Gazebo is not set up; ConfigError; WorldError when it does not start.
         """
-        if num_envs < 1:
-            raise ConfigError(f"num_envs is {num_envs}; give 1 or more")
+        if num_envs < 1 or (film is not None and num_envs != 1):
+            raise ConfigError(f"num_envs is {num_envs}; give 1 or more, and 1 for a film")
         if not 0.0 < physics_step_s <= robot.control_period_s:
             raise ConfigError(
                 f"physics_step_s is {physics_step_s}; give at most the control period, {robot.control_period_s} s"
@@ -66,7 +76,14 @@ class Gazebo:
         self._reply = np.zeros(num_envs, dtype=row)
         self._commands = np.zeros((num_envs, 2), "<f8")
         self._active = np.zeros(num_envs, np.uint8)
-        self._standing: list[World | None] = [film, *([None] * (num_envs - 1))]
+        self._stock = np.zeros((num_envs, 3), dtype=np.int64)
+        """Boxes, cylinders and discs that each slot has."""
+        self._standing: list[World | None] = [None] * num_envs
+        self._film = film
+        if film is not None:
+            self._standing[0] = film
+            self._stock[0, 2] = len(film.discs)
+            self._arrange(0, Parts(np.empty((0, 5)), np.empty((0, 3)), []), film.discs)
 
     def __enter__(self) -> "Gazebo":
         return self
@@ -95,18 +112,12 @@ class Gazebo:
         b: NavSim's arrays, of which seed is read, pose, odometry, twist and ranges are written.
         """
         for i, task in zip(indices, tasks, strict=True):
-            text = b""
             if self._standing[i] is not task.world:
-                text = to_bytes(
-                    document(models(task.world, f"_{i}", (float(self._offset[i]), 0.0)), ground=False)
-                )
+                self._furnish(int(i), task.world)
                 self._standing[i] = task.world
             x, y, yaw = task.start
-            discs = task.world.discs + self._offset[i] * _X_COLUMNS
             seed = int(b["seed"][i]) & 0xFFFFFFFF
-            head = struct.pack("<cIIdddI", b"R", i, seed, x + self._offset[i], y, yaw, len(discs))
-            body = discs.astype("<f8").tobytes() + struct.pack("<I", len(text)) + text
-            self._server.exchange(head + body, self._reply.view(np.uint8).data)
+            self._exchange(struct.pack("<cIIddd", b"R", i, seed, x + self._offset[i], y, yaw))
         self._take(indices, b)
 
     def step(self, b: Mapping[str, NDArray[Any]]) -> None:
@@ -114,14 +125,52 @@ class Gazebo:
         n = len(b["active"])
         self._commands[:n], self._active[:n] = b["command"], b["active"]
         self._active[n:] = 0
-        message = b"S" + self._commands.tobytes() + self._active.tobytes()
-        self._server.exchange(message, self._reply.view(np.uint8).data)
+        self._exchange(b"S" + self._commands.tobytes() + self._active.tobytes())
         rows = np.flatnonzero(b["active"])
         self._take(rows, b)
         numbers = self._reply["numbers"][rows]
         b["travelled"][rows] += numbers[:, 8]
         b["time"][rows] += numbers[:, 9]
         b["collided"][rows] = numbers[:, 10] > 0.0
+
+    def _furnish(self, slot: int, world: World) -> None:
+        """Let the world stand around a robot.
+
+        Boxes and cylinders of the last world are given other sizes and places: Gazebo never quite forgets a model, and
+        each reset would take longer than the last.
+        """
+        if self._film is not None:
+            raise ConfigError("a film shows one world; start another for tasks in another one")
+        self._arrange(slot, parts(world), world.discs + self._offset[slot] * _DISC_X)
+
+    def _arrange(self, slot: int, standing: Parts, discs: Array) -> None:
+        need = np.array([len(standing.boxes), len(standing.cylinders), len(discs)])
+        lack = np.maximum(need - self._stock[slot], 0)
+        text = self._new_models(slot, lack, standing.prisms)
+        self._stock[slot] += lack
+        boxes = standing.boxes + self._offset[slot] * np.array([1.0, 0.0, 0.0, 0.0, 0.0])
+        cylinders = standing.cylinders + self._offset[slot] * np.array([1.0, 0.0, 0.0])
+        message = struct.pack("<cI4I", b"F", slot, *need, len(text))
+        for table in (boxes, cylinders, discs):
+            message += table.astype("<f8").tobytes()
+        self._exchange(message + text)
+
+    def _new_models(self, slot: int, lack: NDArray[np.int64], prisms: list[Array]) -> bytes:
+        """SDF of boxes, cylinders and discs that a slot lacks, and of the prisms of this world; empty for none."""
+        boxes, cylinders, discs = (int(number) for number in lack)
+        had = self._stock[slot]
+        new: list[Element] = []
+        if boxes or cylinders:
+            new.append(model(f"stock_{slot}_{had.sum()}", unit_shapes(boxes, cylinders), visible=False))
+        for j in range(int(had[2]), int(had[2]) + discs):
+            new.append(model(f"disc_{slot}_{j}", unit_shapes(0, 1), visible=False))
+        if prisms:
+            place = (float(self._offset[slot]), 0.0)
+            new.append(model(f"prisms_{slot}", prism_shapes(prisms), place, visible=False))
+        return to_bytes(document(new, ground=False)) if new else b""
+
+    def _exchange(self, message: bytes) -> None:
+        self._server.exchange(message, self._reply.view(np.uint8).data)
 
     def _take(self, rows: NDArray[np.intp], b: Mapping[str, NDArray[Any]]) -> None:
         """Copy the state of these robots."""
@@ -135,7 +184,7 @@ class Gazebo:
         b["ranges"][rows] = np.clip(self._reply["ranges"][rows], 0.0, self.robot.lidar.max_range_m)
 
 
-_X_COLUMNS = np.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+_DISC_X = np.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
 def _physics(step_s: float) -> Element:

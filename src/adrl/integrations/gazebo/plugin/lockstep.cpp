@@ -5,10 +5,13 @@
 // listens, and ends Gazebo when that closes the connection. Every number is little-endian, as the processor has it.
 //
 // Messages to the plugin, each answered with the state:
-//   'R' u32 slot, u32 seed, f64 x, y, yaw, u32 discs, discs x 8 f64, u32 length, text
-//       Robot `slot` stands at the pose, at rest. The models in the text, an SDF document with one <world>, take the
-//       place of those of the slot's last 'R'; with length 0 the old ones stay. Model disc_<slot>_<j> moves as row j
-//       says: x1, y1, x2, y2, radius, speed, phase, stop_s, to and fro between its two ends. Seeds Gazebo's noise.
+//   'F' u32 slot, u32 boxes, u32 cylinders, u32 discs, u32 length, boxes x 5 f64, cylinders x 3 f64, discs x 8 f64, text
+//       What stands around robot `slot`, instead of what stood there. Box: x, y, yaw, length, width; cylinder: x, y,
+//       radius. Disc j, the model disc_<slot>_<j>, moves to and fro between its two ends: x1, y1, x2, y2, radius, speed,
+//       phase, stop_s. The text, an SDF document with one <world>, holds the models that the slot lacks: of stock_...
+//       boxes and cylinders are taken and kept for the worlds to come, as are discs; others are for this one.
+//   'R' u32 slot, u32 seed, f64 x, y, yaw
+//       Robot `slot` stands at the pose, at rest. Seeds Gazebo's noise.
 //   'S' N x (f64 speed, yaw rate), N x u8 active
 //       One control period. Robots that are not active get the command to stand, and sense nothing.
 // State: N x (11 f64, K f32): x, y, yaw; odometry x, y, yaw; speed, yaw rate, from the wheels; metres driven and
@@ -42,6 +45,9 @@ namespace adrl {
 
 using gazebo::physics::ModelPtr;
 
+constexpr double kHeight = 1.0;    // of all obstacles
+constexpr double kCellar = -100.0; // where things stand that no world needs at the moment
+
 struct Twist {
     double v = 0.0, w = 0.0;
 };
@@ -55,7 +61,8 @@ struct Robot {
     ModelPtr model;
     gazebo::physics::JointPtr left, right;
     gazebo::sensors::RaySensorPtr lidar;
-    std::vector<ModelPtr> scenery;
+    std::vector<ModelPtr> passing; // models of this world alone
+    std::vector<gazebo::physics::CollisionPtr> boxes, cylinders;
     std::vector<Disc> discs;
     std::deque<Twist> commands; // newest first, one a physics step of the latency
     Twist wanted, target, executed;
@@ -225,7 +232,10 @@ class Lockstep : public gazebo::WorldPlugin {
     void serve() {
         for (;;) {
             const char kind = line_.read<char>();
-            if (kind == 'R') {
+            if (kind == 'F') {
+                furnish();
+                send_state();
+            } else if (kind == 'R') {
                 reset();
                 send_state();
             } else if (kind == 'S') {
@@ -250,25 +260,16 @@ class Lockstep : public gazebo::WorldPlugin {
         }
     }
 
+    Robot &addressed(std::uint32_t slot) {
+        if (slot >= robots_.size()) end("no such robot");
+        return robots_[slot];
+    }
+
     void reset() {
-        const auto slot = line_.read<std::uint32_t>();
+        Robot &robot = addressed(line_.read<std::uint32_t>());
         const auto seed = line_.read<std::uint32_t>();
         std::array<double, 3> start;
         line_.read(start.data(), sizeof start);
-        std::vector<std::array<double, 8>> rows(line_.read<std::uint32_t>());
-        line_.read(rows.data(), rows.size() * sizeof rows[0]);
-        std::string text(line_.read<std::uint32_t>(), '\0');
-        line_.read(text.data(), text.size());
-        if (slot >= robots_.size()) end("no such robot");
-        Robot &robot = robots_[slot];
-        if (!text.empty()) furnish(robot, text);
-        robot.discs.clear();
-        robot.fastest_disc = 0.0;
-        for (const auto &row : rows) robot.fastest_disc = std::max(robot.fastest_disc, row[5]);
-        for (std::size_t j = 0; j < rows.size(); ++j) {
-            const std::string name = "disc_" + std::to_string(slot) + "_" + std::to_string(j);
-            if (const ModelPtr model = world_->ModelByName(name)) robot.discs.push_back({model, rows[j]});
-        }
         ignition::math::Rand::Seed(seed);
         world_->Physics()->SetSeed(seed);
         robot.clock = robot.driven = robot.free_s = 0.0;
@@ -283,23 +284,94 @@ class Lockstep : public gazebo::WorldPlugin {
         for (const Disc &disc : robot.discs) place(disc, 0.0);
     }
 
-    // Not through the factory topic, which would let simulated time pass before the models are there.
-    void furnish(Robot &robot, const std::string &text) {
-        const physics::BasePtr root = robot.model->GetParent();
-        for (const ModelPtr &model : robot.scenery) {
-            root->RemoveChild(model->GetName());
+    template <std::size_t N> std::vector<std::array<double, N>> read_rows(std::size_t count) {
+        std::vector<std::array<double, N>> rows(count);
+        line_.read(rows.data(), count * sizeof rows[0]);
+        return rows;
+    }
+
+    void furnish() {
+        const auto slot = line_.read<std::uint32_t>();
+        Robot &robot = addressed(slot);
+        std::array<std::uint32_t, 4> counts;
+        line_.read(counts.data(), sizeof counts);
+        const auto boxes = read_rows<5>(counts[0]);
+        const auto cylinders = read_rows<3>(counts[1]);
+        const auto discs = read_rows<8>(counts[2]);
+        std::string text(counts[3], '\0');
+        line_.read(text.data(), text.size());
+        for (const ModelPtr &model : robot.passing) {
+            robot.model->GetParent()->RemoveChild(model->GetName());
             model->Fini();
         }
-        robot.scenery.clear();
+        robot.passing.clear();
+        if (!text.empty()) load(robot, text);
+        if (boxes.size() > robot.boxes.size() || cylinders.size() > robot.cylinders.size()) end("stock is too small");
+        for (std::size_t i = 0; i < robot.boxes.size(); ++i) {
+            if (i < boxes.size()) stand_box(robot.boxes[i], boxes[i]);
+            else store(robot.boxes[i]);
+        }
+        for (std::size_t i = 0; i < robot.cylinders.size(); ++i) {
+            if (i < cylinders.size()) stand_cylinder(robot.cylinders[i], cylinders[i]);
+            else store(robot.cylinders[i]);
+        }
+        arrange_discs(robot, slot, discs);
+    }
+
+    void arrange_discs(Robot &robot, std::uint32_t slot, const std::vector<std::array<double, 8>> &rows) {
+        robot.discs.clear();
+        robot.fastest_disc = 0.0;
+        for (std::size_t j = 0;; ++j) {
+            const ModelPtr model = world_->ModelByName("disc_" + std::to_string(slot) + "_" + std::to_string(j));
+            if (!model && j < rows.size()) end("stock of discs is too small");
+            if (!model) return;
+            const auto body = model->GetLinks().front()->GetCollisions().front();
+            if (j >= rows.size()) {
+                model->SetWorldPose({0.0, 0.0, kCellar, 0.0, 0.0, 0.0});
+                continue;
+            }
+            cylinder_of(body)->SetSize(rows[j][4], kHeight);
+            robot.discs.push_back({model, rows[j]});
+            robot.fastest_disc = std::max(robot.fastest_disc, rows[j][5]);
+            place(robot.discs.back(), 0.0);
+        }
+    }
+
+    static physics::CylinderShapePtr cylinder_of(const physics::CollisionPtr &body) {
+        return boost::dynamic_pointer_cast<physics::CylinderShape>(body->GetShape());
+    }
+
+    static void stand_box(const physics::CollisionPtr &body, const std::array<double, 5> &row) {
+        boost::dynamic_pointer_cast<physics::BoxShape>(body->GetShape())->SetSize({row[3], row[4], kHeight});
+        body->SetWorldPose({row[0], row[1], 0.5 * kHeight, 0.0, 0.0, row[2]});
+    }
+
+    static void stand_cylinder(const physics::CollisionPtr &body, const std::array<double, 3> &row) {
+        cylinder_of(body)->SetSize(row[2], kHeight);
+        body->SetWorldPose({row[0], row[1], 0.5 * kHeight, 0.0, 0.0, 0.0});
+    }
+
+    static void store(const physics::CollisionPtr &body) { body->SetWorldPose({0.0, 0.0, kCellar, 0.0, 0.0, 0.0}); }
+
+    // Not through the factory topic, which would let simulated time pass before the models are there.
+    void load(Robot &robot, const std::string &text) {
         sdf::SDF document;
         document.SetFromString(text);
         for (auto element = document.Root()->GetElement("world")->GetElement("model"); element;
              element = element->GetNextElement("model")) {
-            const ModelPtr model = world_->Physics()->CreateModel(root);
+            const ModelPtr model = world_->Physics()->CreateModel(robot.model->GetParent());
             model->SetWorld(world_);
             model->Load(element);
             model->Init();
-            robot.scenery.push_back(model);
+            const std::string name = model->GetName();
+            if (name.rfind("stock_", 0) == 0) {
+                for (const auto &body : model->GetLinks().front()->GetCollisions()) {
+                    auto &shelf = body->GetShape()->HasType(physics::Base::BOX_SHAPE) ? robot.boxes : robot.cylinders;
+                    shelf.push_back(body);
+                }
+            } else if (name.rfind("disc_", 0) != 0) {
+                robot.passing.push_back(model);
+            }
         }
     }
 
@@ -310,8 +382,7 @@ class Lockstep : public gazebo::WorldPlugin {
         const double run = std::max(2.0 * std::hypot(x2 - x1, y2 - y1), 1e-9);
         const double round = phase + speed * std::min(time_s, stop_s) / run;
         const double share = 1.0 - std::abs(1.0 - 2.0 * (round - std::floor(round)));
-        const double z = disc.model->WorldPose().Pos().Z();
-        disc.model->SetWorldPose({x1 + share * (x2 - x1), y1 + share * (y2 - y1), z, 0.0, 0.0, 0.0});
+        disc.model->SetWorldPose({x1 + share * (x2 - x1), y1 + share * (y2 - y1), 0.0, 0.0, 0.0, 0.0});
     }
 
     void send_state() {
