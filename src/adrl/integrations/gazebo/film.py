@@ -7,6 +7,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from PIL import Image
 
+from adrl.errors import WorldError
 from adrl.types import World
 from adrl.worlds.sdf_write import add
 
@@ -43,7 +44,12 @@ def camera(world: World) -> Element:
 
 
 def contact_sheet(frames: Sequence[bytes], count: int) -> bytes:
-    """A PNG of `count` frames evenly over the drive, the first and the last among them, row by row."""
+    """A PNG of `count` frames evenly over the drive, the first and the last among them, row by row.
+
+    Raises WorldError without frames.
+    """
+    if not frames:
+        raise WorldError("Gazebo's camera saved no picture; it needs a display (Xvfb) and software rendering")
     last = len(frames) - 1
     chosen = [frames[round(i * last / max(count - 1, 1))] for i in range(min(count, len(frames)))]
     columns = min(COLUMNS, len(chosen))
