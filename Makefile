@@ -20,7 +20,7 @@ DEV := $(VENV)/.dev
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup machine build test test-fast check test-core format demo wheel clean
+.PHONY: help setup machine build test test-fast check test-core docs format demo wheel clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
@@ -75,11 +75,12 @@ test: setup ## all Python tests; PYTEST_ARGS="-k name" picks some
 test-fast: setup ## Python tests but the slow ones
 	@$(PY) -m pytest --quiet -m "not slow" $(PYTEST_ARGS)
 
-check: setup ## format, lint, types, import layers, C++ format and tests
+check: setup ## format, lint, types, import layers, documentation, C++ format and tests
 	@$(BIN)/ruff format --check --quiet || { echo "run: make format" >&2; exit 1; }
 	@$(BIN)/ruff check --quiet
 	@$(BIN)/basedpyright
 	@$(BIN)/lint-imports --no-logo
+	@$(MAKE) --no-print-directory docs
 	@echo $(CXX_FILES) | xargs --no-run-if-empty $(BIN)/clang-format --dry-run --Werror
 	@$(MAKE) --no-print-directory test-core
 
@@ -95,6 +96,9 @@ test-core: $(TOOLS) ## C++ unit tests (Debian package doctest-dev)
 	else \
 	    echo "C++ tests skipped: doctest is missing (apt-get install doctest-dev)"; \
 	fi
+
+docs: $(DEV) ## the documentation in build/site; a warning fails
+	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 format: $(DEV) ## format Python and C++
 	@$(BIN)/ruff check --quiet --select I --fix

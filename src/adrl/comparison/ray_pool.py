@@ -98,7 +98,9 @@ def _write(config: CompareConfig, job: Job, log: bytes, results: dict[str, bytes
     """The result's files, the summary last: it says that the others are there."""
     files.atomic_write_bytes(log_path(config, job), log)
     for name in sorted(results, key=lambda name: name == RESULT_FILE):
-        files.atomic_write_bytes(config.out / job.name / name, results[name])
+        path = config.out / job.name / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        files.atomic_write_bytes(path, results[name])
 
 
 def remote_job(
@@ -127,7 +129,9 @@ def remote_job(
             processes.close(process)
         results = {}
         if process.returncode == 0 and is_finished(config, job):
-            results = {path.name: path.read_bytes() for path in (config.out / job.name).iterdir()}
+            result = config.out / job.name
+            paths = [path for path in result.rglob("*") if path.is_file()]
+            results = {path.relative_to(result).as_posix(): path.read_bytes() for path in paths}
         return log.read_bytes(), results
 
 

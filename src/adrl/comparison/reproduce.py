@@ -36,7 +36,7 @@ def preset(name: str) -> dict[str, CompareConfig]:
     As in the paper policies see the goal and no map, the replanner is off in training, and every policy is then driven
     without and with it. Both scenarios have the same budget of environment steps.
     """
-    seeds, episodes, steps, validation = {"quick": (2, 50, 65_536, 20), "full": (10, 200, 294_912, 40)}[name]
+    seeds, episodes, steps, validation = {"quick": (2, 50, 65_536, 20), "full": (10, 200, 262_144, 40)}[name]
     return {
         scenario: CompareConfig(
             scenario=scenario,

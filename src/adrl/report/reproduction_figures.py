@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.typing import LineStyleType
 
 from adrl.evaluation.learning_time import steady_level
 from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
-from adrl.report.figures import EDGE, RoutePanel, blank_figure, line_style, routes_figure, save
+from adrl.report.figures import EDGE, PALETTE, RoutePanel, blank_figure, line_style, routes_figure, save
 from adrl.report.reported import ABLATIONS, LABELS, METHODS, RIVALS
 from adrl.report.reproduction import Array, Results
 from adrl.report.reproduction_numbers import (
@@ -62,18 +63,27 @@ def q_figure(results: Results, methods: Sequence[str]) -> Figure:
     """Mean Q, Q from its start (0) to its steady level (1), and success, over training episodes; a row a scenario."""
     figure, grid = _grid(results, 3)
     for row, scenario in zip(grid, results.scenarios, strict=True):
-        for index, method in enumerate(results.methods_of(scenario, methods)):
-            curves = results.curves_of(scenario, method)
+        for method in results.methods_of(scenario, methods):
+            curves, style = results.curves_of(scenario, method), _style(method)
             label = LABELS[method] + (" (value V)" if method == "sb3-ppo" else "")
-            _band(row[0], curves, "episode", lambda curve: curve["q_mean"], index, label)
-            _band(row[1], curves, "episode", _rescaled, index, label)
-            _band(row[2], curves, "episode", lambda curve: 100.0 * curve["success"], index, label)
+            _band(row[0], curves, "episode", lambda curve: curve["q_mean"], style, label)
+            _band(row[1], curves, "episode", _rescaled, style, label)
+            _band(row[2], curves, "episode", _success, style, label)
         titles = ("mean Q", "Q, 0 at its start, 1 at its steady level", "success in validation, %")
         for axes, title in zip(row, titles, strict=True):
             _axes(axes, f"{scenario}: {title}", "training episodes")
         row[1].set_ylim(-0.5, 1.5)
         row[0].legend(frameon=False, fontsize=7)
     return figure
+
+
+def _success(curve: Curve) -> Array:
+    return 100.0 * curve["success"]
+
+
+def _style(method: str) -> tuple[str, LineStyleType]:
+    """The same in every figure."""
+    return line_style(METHODS.index(method))
 
 
 def _rescaled(curve: Curve) -> Array:
@@ -102,7 +112,7 @@ def _dots(axes: Axes, names: Sequence[str], values: Sequence[Sequence[float]]) -
     labels = []
     for place, (name, column) in enumerate(zip(names, values, strict=True)):
         reached = [value for value in column if np.isfinite(value)]
-        colour, _ = line_style(METHODS.index(name))
+        colour, _ = _style(name)
         axes.plot(reached, [place] * len(reached), "o", color=colour, markersize=4, alpha=0.7)
         if 2 * len(reached) > len(column):
             median = float(
@@ -119,10 +129,10 @@ def success_figure(results: Results) -> Figure:
     """Success in validation against environment steps and against wall clock."""
     figure, grid = _grid(results, 2)
     for row, scenario in zip(grid, results.scenarios, strict=True):
-        for index, method in enumerate(results.methods_of(scenario, METHODS)):
+        for method in results.methods_of(scenario, METHODS):
             curves = results.curves_of(scenario, method)
             for axes, column in zip(row, ("env_steps", "wall_s"), strict=True):
-                _band(axes, curves, column, lambda curve: 100.0 * curve["success"], index, LABELS[method])
+                _band(axes, curves, column, _success, _style(method), LABELS[method])
         _axes(row[0], f"{scenario}: success in validation, %", "environment steps")
         _axes(row[1], f"{scenario}: success in validation, %", "wall clock, s")
         row[0].legend(frameon=False, fontsize=7, loc="lower right")
@@ -133,11 +143,11 @@ def value_figure(results: Results) -> Figure:
     """What the critic promises from the validation starts (line) and the discounted return that came (dashed)."""
     figure, grid = _grid(results, len(METHODS), width_in=2.6)
     for row, scenario in zip(grid, results.scenarios, strict=True):
-        for axes, (index, method) in zip(row, enumerate(METHODS), strict=True):
+        for axes, method in zip(row, METHODS, strict=True):
             curves = results.curves_of(scenario, method)
-            _band(axes, curves, "env_steps", lambda curve: curve["q_start"], index, "promised")
+            _band(axes, curves, "env_steps", lambda curve: curve["q_start"], (PALETTE[0], "-"), "promised")
             _band(
-                axes, curves, "env_steps", lambda curve: curve["return_start"], len(METHODS) - 1, "realised"
+                axes, curves, "env_steps", lambda curve: curve["return_start"], (PALETTE[1], "--"), "realised"
             )
             _axes(axes, f"{scenario}: {LABELS[method]}", "environment steps")
             axes.tick_params(labelsize=7)
@@ -150,10 +160,10 @@ def survival_figure(results: Results) -> Figure:
     figure, grid = _grid(results, len(LEVELS))
     for row, scenario in zip(grid, results.scenarios, strict=True):
         for axes, level in zip(row, LEVELS, strict=True):
-            for index, method in enumerate(results.methods_of(scenario, METHODS)):
+            for method in results.methods_of(scenario, METHODS):
                 x, share = survival(times_to(results, scenario, method, level, "wall_s"))
                 end = max(curve["wall_s"][-1] for curve in results.curves_of(scenario, method))
-                colour, stroke = line_style(index)
+                colour, stroke = _style(method)
                 x, share = np.append(x, max(end, x[-1])), np.append(share, share[-1])
                 axes.step(
                     x, 100.0 * share, where="post", color=colour, linestyle=stroke, label=LABELS[method]
@@ -191,13 +201,13 @@ def methods_figure(results: Results) -> Figure:
         _intervals(row[2], better)
         row[2].axvline(50.0, color=EDGE, linewidth=1.0, linestyle=":")
         row[2].set_xlim(-3.0, 103.0)
-        _axes(row[2], f"{scenario}: chance that a seed of ADRL beats one of it, %", "")
+        _axes(row[2], f"{scenario}: chance that a seed of ADRL beats it, %", "")
     return figure
 
 
 def _intervals(axes: Axes, values: Mapping[str, Interval]) -> None:
     for place, (name, (estimate, low, high)) in enumerate(values.items()):
-        colour, _ = line_style(METHODS.index(name))
+        colour, _ = _style(name)
         if np.isfinite(low):
             axes.plot([100.0 * low, 100.0 * high], [place, place], color=colour, linewidth=2.0)
         axes.plot(100.0 * estimate, place, "o", color=colour, markersize=5)
@@ -210,7 +220,7 @@ def _band(
     curves: Sequence[Curve],
     x_column: str,
     of: Callable[[Curve], Array],
-    index: int,
+    style: tuple[str, LineStyleType],
     label: str,
 ) -> None:
     """Mean over seeds with a 95 % bootstrap band, where every seed has a value."""
@@ -224,7 +234,7 @@ def _band(
         return
     places = np.linspace(first, last, POINTS)
     values = np.stack([np.interp(places, x, y) for x, y in known])  # (seeds, POINTS)
-    colour, stroke = line_style(index)
+    colour, stroke = style
     axes.plot(places, values.mean(axis=0), color=colour, linestyle=stroke, linewidth=1.6, label=label)
     if len(values) > 1:
         bands = [seed_mean(column, resamples=1000) for column in values.T]

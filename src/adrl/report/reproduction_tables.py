@@ -13,6 +13,9 @@ from adrl.report.reproduction_numbers import HARD_SHARE, LEVELS, claims, summary
 
 SCHEMA_VERSION = 1
 TABLES_FILE, PAGE_FILE = "tables.json", "README.md"
+CLAIMS_NOTE = (
+    "Verdicts rank means or medians over seeds; the intervals above say whether one is more than noise."
+)
 GUIDANCE_NOTES = {
     "goal": "without replanner",
     "replan": "with replanner",
@@ -41,6 +44,8 @@ def write_report(folder: Path) -> list[Path]:
     lines += ["## Learning", "", *_summary(results, summaries)]
     lines += [
         "## What the paper says, and what is found here",
+        "",
+        CLAIMS_NOTE,
         "",
         *[f"- {c.sentence()}" for c in verdicts],
         "",

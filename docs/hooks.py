@@ -1,0 +1,88 @@
+"""What the site needs beyond its plugins: folders in the navigation, sections of README.md, equations as MathML.
+
+MathML is drawn by the browser itself: no script, nothing fetched from elsewhere, but the font comes with the site.
+In an equation `\\printed` parts the corrected form from the paper's, and `\\tag{9}` is its number.
+"""
+
+import html
+import posixpath
+import re
+import shutil
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from latex2mathml.converter import convert
+from mkdocs.exceptions import PluginError
+
+SECTION = re.compile(r"<!-- README: (.+?) -->")
+MATH = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.+?)\\[)\]]</\1>', re.DOTALL)
+
+
+def on_config(config: Any) -> None:
+    """Put the pages of a folder where the navigation says `folder/*`, but those it names itself."""
+    named = set(_pages(config.nav))
+    config.nav = [entry for given in config.nav for entry in _expanded(given, Path(config.docs_dir), named)]
+
+
+def on_page_markdown(markdown: str, page: Any, config: Any, **_: Any) -> str:
+    """Put a section of README.md in the place of `<!-- README: its heading -->`."""
+    readme = Path(config.config_file_path).parent / "README.md"
+    return SECTION.sub(lambda match: _section(readme, match[1], page.file.src_uri), markdown)
+
+
+def on_page_content(content: str, **_: Any) -> str:
+    """LaTeX to MathML."""
+    return MATH.sub(_mathml, content)
+
+
+def on_post_build(config: Any) -> None:
+    """Lay the font for equations beside the style that names it."""
+    font = resources.files("ziamath") / "fonts" / "STIXTwoMath-Regular.ttf"
+    with resources.as_file(font) as path:
+        shutil.copyfile(path, Path(config.site_dir) / "STIXTwoMath-Regular.ttf")
+
+
+def _pages(entry: Any) -> list[str]:
+    if isinstance(entry, str):
+        return [entry]
+    return [page for part in (entry.values() if isinstance(entry, dict) else entry) for page in _pages(part)]
+
+
+def _expanded(entry: Any, docs: Path, named: set[str]) -> list[Any]:
+    if isinstance(entry, dict):
+        return [
+            {
+                title: content
+                if isinstance(content, str)
+                else [part for given in content for part in _expanded(given, docs, named)]
+            }
+            for title, content in entry.items()
+        ]
+    if not entry.endswith("/*"):
+        return [entry]
+    found = sorted(path.relative_to(docs).as_posix() for path in docs.glob(entry + ".md"))
+    return [page for page in found if page not in named]
+
+
+def _section(readme: Path, heading: str, page: str) -> str:
+    """The text below a heading, its links as they are from the page. Raises PluginError."""
+    parts = re.split(r"^#+ (.+)\n", readme.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    sections = dict(zip(parts[1::2], parts[2::2], strict=True))
+    if heading not in sections:
+        raise PluginError(f"{page}: README.md has no heading {heading!r}; it has {', '.join(sections)}")
+    up = posixpath.relpath(".", posixpath.dirname(page))
+    return sections[heading].strip().replace("](docs/", f"]({up}/" if up != "." else "](")
+
+
+def _mathml(match: re.Match[str]) -> str:
+    latex = html.unescape(match[2])
+    if match[1] == "span":
+        return convert(latex)
+    latex, _, number = latex.strip().partition("\\tag{")
+    forms = [convert(form, display="block") for form in latex.split("\\printed")]
+    if len(forms) == 2:
+        forms[1] = f"<span>printed</span>{forms[1]}"
+    rows = "".join(f"<div>{form}</div>" for form in forms)
+    label = f"<span>({number.rstrip('}')})</span>" if number else ""
+    return f'<div class="equation"><div>{rows}</div>{label}</div>'
