@@ -262,9 +262,6 @@ def test_transfer_pairs_the_simulators_and_explains_the_gap(gazebo: Gazebo, tmp_
     assert after @ after <= before @ before + 1e-6
 
 
-@pytest.mark.skip(
-    reason="Gazebo's camera has saved no frames since its chroot was made anew: to be found out"
-)
 @pytest.mark.gazebo
 @pytest.mark.slow
 def test_a_film_shows_the_robot_on_its_way(gazebo: Gazebo, tmp_path: Path) -> None:
