@@ -9,17 +9,8 @@ from adrl import files
 from adrl.benchmarks.act import bench_act, bench_runtime
 from adrl.benchmarks.plan import bench_dwa, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
-from adrl.commands.options import parse, require_file
+from adrl.commands.options import Runner, parse, require_file, subcommand
 from adrl.deploy.policy import DEFAULT, default_policy_folder, load_policy, resolve_policy
-from adrl.errors import UnknownName
-
-WHAT = {
-    "sim": "environment steps a second, beside ir-sim and irsim-x where they are installed",
-    "plan": "A*+DWA decisions a second, replanning, a policy's step, and planning across a map",
-    "act": "a robot's step from scan to command, the policy alone and the runtime with its supervisor",
-    "learn": "gradient updates a second on one core, beside Stable-Baselines3's TD3 where it is installed",
-    "gazebo": "control steps a second of robots in Gazebo, where it is set up",
-}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,24 +97,6 @@ class GazeboOptions:
     """File for the results."""
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Measure and print."""
-    if not arguments or arguments[0] in ("-h", "--help"):
-        print("usage: adrl bench WHAT [OPTIONS]\n")
-        for name, text in WHAT.items():
-            print(f"  {name:<6} {text}")
-        print("\nadrl bench WHAT --help explains the options.")
-        return 0 if arguments else 2
-    what, rest = arguments[0], arguments[1:]
-    if what not in WHAT:
-        raise UnknownName("benchmark", what, WHAT)
-    results, path = {"sim": _sim, "plan": _plan, "act": _act, "learn": _learn, "gazebo": _gazebo}[what](rest)
-    if path is not None and str(path) != "-":
-        files.write_json(path, results)
-    print(files.to_json(results))
-    return 0
-
-
 def _gather(arguments: Sequence[str], option: str) -> list[str]:
     """The arguments with all values of a repeated option behind one: --x A --x B is --x A B."""
     rest: list[str] = []
@@ -140,7 +113,7 @@ def _gather(arguments: Sequence[str], option: str) -> list[str]:
     return [*rest, option, *values] if values else rest
 
 
-def _sim(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
+def _sim(arguments: Sequence[str]) -> int:
     arguments = _gather(arguments, "--peer-python")
     options = parse(SimOptions, arguments, "bench sim", "Environment steps a second.")
     require_file("--json", options.json)
@@ -153,10 +126,10 @@ def _sim(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
         rounds=options.rounds,
         peers=options.peer_python,
     )
-    return results, options.json
+    return _report(results, options.json)
 
 
-def _plan(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
+def _plan(arguments: Sequence[str]) -> int:
     options = parse(
         PlanOptions, arguments, "bench plan", "A*+DWA decisions a second, and planning across a map."
     )
@@ -168,10 +141,10 @@ def _plan(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
     results["policy_step"] = bench_act(load_policy(default_policy_folder()))
     if options.map is not None:
         results["map"] = bench_map(options.map)
-    return results, options.json
+    return _report(results, options.json)
 
 
-def _act(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
+def _act(arguments: Sequence[str]) -> int:
     options = parse(ActOptions, arguments, "bench act", "A robot's step from scan to command.")
     require_file("--json", options.json)
     policy = load_policy(resolve_policy(options.policy))
@@ -180,18 +153,19 @@ def _act(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
         "policy_step": bench_act(policy, steps=options.steps),
         "runtime": bench_runtime(policy, steps=options.steps),
     }
-    return results, options.json
+    return _report(results, options.json)
 
 
-def _learn(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
+def _learn(arguments: Sequence[str]) -> int:
     from adrl.benchmarks.learn import bench_learn
 
     options = parse(LearnOptions, arguments, "bench learn", "Gradient updates a second.")
     require_file("--json", options.json)
-    return bench_learn(widths=options.widths, seconds=options.seconds, rounds=options.rounds), options.json
+    results = bench_learn(widths=options.widths, seconds=options.seconds, rounds=options.rounds)
+    return _report(results, options.json)
 
 
-def _gazebo(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
+def _gazebo(arguments: Sequence[str]) -> int:
     from adrl.benchmarks.gazebo import bench_gazebo
 
     options = parse(GazeboOptions, arguments, "bench gazebo", "Control steps a second in Gazebo.")
@@ -203,4 +177,40 @@ def _gazebo(arguments: Sequence[str]) -> tuple[dict[str, Any], Path | None]:
         steps=options.steps,
         rounds=options.rounds,
     )
-    return results, options.json
+    return _report(results, options.json)
+
+
+def _report(results: dict[str, Any], path: Path | None) -> int:
+    if path is not None and str(path) != "-":
+        files.write_json(path, results)
+    print(files.to_json(results))
+    return 0
+
+
+WHAT: dict[str, tuple[str, Runner]] = {
+    "sim": (
+        "environment steps a second, beside ir-sim and irsim-x where they are installed",
+        _sim,
+    ),
+    "plan": (
+        "A*+DWA decisions a second, replanning, a policy's step, and planning across a map",
+        _plan,
+    ),
+    "act": (
+        "a robot's step from scan to command, the policy alone and the runtime with its supervisor",
+        _act,
+    ),
+    "learn": (
+        "gradient updates a second on one core, beside Stable-Baselines3's TD3 where it is installed",
+        _learn,
+    ),
+    "gazebo": (
+        "control steps a second of robots in Gazebo, where it is set up",
+        _gazebo,
+    ),
+}
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Measure and print."""
+    return subcommand("bench", "benchmark", WHAT, arguments)

@@ -8,8 +8,16 @@ from pathlib import Path
 from typing import Any, Literal
 
 from adrl import api, files
-from adrl.commands.options import console, parse, progress_bar, require_file, require_folder
-from adrl.errors import ConfigError, UnknownName
+from adrl.commands.options import (
+    Runner,
+    console,
+    parse,
+    progress_bar,
+    require_file,
+    require_folder,
+    subcommand,
+)
+from adrl.errors import ConfigError
 from adrl.evaluation.calibration import calibrate
 from adrl.evaluation.drives import DriveRecorder
 from adrl.evaluation.results import comparison_table
@@ -21,16 +29,9 @@ from adrl.worlds import load_robot, task_set
 from adrl.worlds.place import Place
 from adrl.worlds.sdf_write import save_sdf
 
-WHAT = {
-    "evaluate": "drive a policy on fixed tasks in Gazebo",
-    "transfer": "the same tasks in our simulator and in Gazebo, and the gap between them",
-    "film": "one task in Gazebo, as its camera sees it",
-    "export": "write a scenario's world, or a map, as a Gazebo world",
-}
-
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluateOptions(Place):
+class PolicyOptions(Place):
     """Which policy drives where. Worlds are flattened to their boxes, cylinders and walls."""
 
     policy: str = api.DEFAULT
@@ -41,60 +42,48 @@ class EvaluateOptions(Place):
     """As adrl evaluate has it; as trained when left out."""
     split: Literal["train", "validation", "test"] = "test"
     """Which tasks: task i of a split is the same for ever."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TasksOptions(PolicyOptions):
+    """How many tasks it drives."""
+
     episodes: int = 500
-    """Tasks to drive, one episode each."""
+    """Tasks to drive, one episode each in each simulator."""
     num_envs: int = 8
     """Robots that Gazebo drives side by side, each in a world of its own."""
     seed: int = 0
     """Of the sensors' noise; the tasks stay the same."""
-    drives: Path | None = None
-    """CSV file for commands and what the base did, period by period: what adrl calibrate reads."""
-    out: Path | None = None
-    """Folder for episodes.parquet and summary.json."""
-    json: Path | None = None
-    """File for the summary; - prints it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TransferOptions(Place):
-    """Which policy drives where."""
-
-    policy: str = api.DEFAULT
-    """astar-dwa (knows the map), default (the shipped policy), or a run folder."""
-    robot: str | None = None
-    """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
-    guidance: Literal["goal", "replan", "map"] | None = None
-    """As adrl evaluate has it; as trained when left out."""
-    split: Literal["train", "validation", "test"] = "test"
-    """Which tasks."""
-    episodes: int = 500
-    """Tasks to drive in each simulator."""
-    num_envs: int = 8
-    """Robots that Gazebo drives side by side, each in a world of its own."""
-    seed: int = 0
-    """Of the sensors' noise."""
-    out: Path | None = None
-    """Folder for transfer.json, and each simulator's episodes.parquet, summary.json and drives.csv."""
     json: Path | None = None
     """File for the results; - prints them."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class FilmOptions(Place):
-    """Which policy drives where."""
+class EvaluateOptions(TasksOptions):
+    """What is kept of the drives in Gazebo."""
+
+    drives: Path | None = None
+    """CSV file for commands and what the base did, period by period: what adrl calibrate reads."""
+    out: Path | None = None
+    """Folder for episodes.parquet and summary.json."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TransferOptions(TasksOptions):
+    """What is kept of the drives in both simulators."""
+
+    out: Path | None = None
+    """Folder for transfer.json, and each simulator's episodes.parquet, summary.json and drives.csv."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmOptions(PolicyOptions):
+    """Which drive is filmed, and how."""
 
     out: Path
     """PNG file for the frames."""
-    policy: str = api.DEFAULT
-    """astar-dwa (knows the map), default (the shipped policy), or a run folder."""
-    robot: str | None = None
-    """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
-    guidance: Literal["goal", "replan", "map"] | None = None
-    """As adrl evaluate has it; as trained when left out."""
-    split: Literal["train", "validation", "test"] = "test"
-    """Split of the task"""
     task: int = 0
-    """and its number."""
+    """Number of the task in the split."""
     frames: int = 6
     """Frames to show, evenly over the drive."""
 
@@ -111,20 +100,6 @@ class ExportOptions(Place):
     """Split of the scenario's task"""
     task: int = 0
     """and its number."""
-
-
-def main(arguments: Sequence[str]) -> int:
-    """Run one of WHAT."""
-    if not arguments or arguments[0] in ("-h", "--help"):
-        print("usage: adrl gazebo WHAT [OPTIONS]\n")
-        for name, text in WHAT.items():
-            print(f"  {name:<9} {text}")
-        print("\nadrl gazebo WHAT --help explains the options. scripts/gazebo-chroot sets Gazebo up.")
-        return 0 if arguments else 2
-    what, rest = arguments[0], arguments[1:]
-    if what not in WHAT:
-        raise UnknownName("Gazebo command", what, WHAT)
-    return {"evaluate": _evaluate, "transfer": _transfer, "film": _film, "export": _export}[what](rest)
 
 
 def _evaluate(arguments: Sequence[str]) -> int:
@@ -263,3 +238,16 @@ def _write(path: Path | None, document: dict[str, Any]) -> None:
         files.write_json(path, document)
     elif path is not None:
         print(files.to_json(document))
+
+
+WHAT: dict[str, tuple[str, Runner]] = {
+    "evaluate": ("drive a policy on fixed tasks in Gazebo", _evaluate),
+    "transfer": ("the same tasks in our simulator and in Gazebo, and the gap between them", _transfer),
+    "film": ("one task in Gazebo, as its camera sees it", _film),
+    "export": ("write a scenario's world, or a map, as a Gazebo world", _export),
+}
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run one of WHAT."""
+    return subcommand("gazebo", "Gazebo command", WHAT, arguments, " scripts/gazebo-chroot sets Gazebo up.")

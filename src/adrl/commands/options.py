@@ -1,6 +1,6 @@
 """Parsing and showing, as all commands do it."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -9,9 +9,11 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from adrl.errors import ConfigError
+from adrl.errors import ConfigError, UnknownName
 
 Options = TypeVar("Options")
+Runner = Callable[[Sequence[str]], int]
+"""Takes the arguments, returns the exit code."""
 
 
 def parse(options: type[Options], arguments: Sequence[str], command: str, description: str) -> Options:
@@ -22,6 +24,26 @@ def parse(options: type[Options], arguments: Sequence[str], command: str, descri
         prog=f"adrl {command}",
         description=description,
     )
+
+
+def subcommand(
+    command: str, noun: str, kinds: Mapping[str, tuple[str, Runner]], arguments: Sequence[str], note: str = ""
+) -> int:
+    """Run the kind of a command that the arguments begin with, or list the kinds: name -> what it does, and how.
+
+    noun: what a kind is called in errors. Raises UnknownName with the nearest one.
+    """
+    if not arguments or arguments[0] in ("-h", "--help"):
+        print(f"usage: adrl {command} WHAT [OPTIONS]\n")
+        width = max(map(len, kinds)) + 1
+        for name, (text, _) in kinds.items():
+            print(f"  {name:<{width}} {text}")
+        print(f"\nadrl {command} WHAT --help explains the options.{note}")
+        return 0 if arguments else 2
+    what, rest = arguments[0], arguments[1:]
+    if what not in kinds:
+        raise UnknownName(noun, what, kinds)
+    return kinds[what][1](rest)
 
 
 def require_folder(option: str, path: Path | None) -> None:
