@@ -24,10 +24,10 @@ Source = Literal["pose", "odometry"]
 Outcome = Literal["", "reached", "failed", "cancelled"]
 """How the last goal ended; nothing while it is driven to."""
 
-EARLY_PERIODS = 0.25
-"""A scan that comes so much before the next step is due begins it: LiDARs have clocks of their own."""
-LATE_PERIODS = 0.5
-"""A step waits so long for its scan."""
+SLOW = 1.25
+"""A LiDAR with so many control periods between two scans is not waited for."""
+SMOOTHING = 0.2
+"""Weight of the newest time between two scans in their average."""
 STOPS = 10
 """Commands to stand still that are sent after a goal has ended; then other sources of commands have the base."""
 MOVED_M = 0.05
@@ -86,7 +86,9 @@ class Driver:
         self._message = ""
         self._stops = 0
         self._now_s = -math.inf
-        self._due_s = -math.inf
+        self._beat_s = -math.inf
+        self._scan_s = -math.inf
+        self._interval_s = self.period_s
 
     @property
     def localised(self) -> bool:
@@ -132,26 +134,32 @@ class Driver:
             self.navigator.set_goal(now)
 
     def take_scan(self, scan: Scan, now_s: float) -> Report | None:
-        """A scan; the step that it begins, if one is due."""
+        """A scan; the step that it begins, if one is due or nearly so."""
         self._scan = scan
-        return self._step(now_s) if self._is_due(now_s, -EARLY_PERIODS) else None
+        if self._scan_s < now_s < self._scan_s + 3.0 * self.period_s:
+            self._interval_s += SMOOTHING * (now_s - self._scan_s - self._interval_s)
+        self._scan_s = now_s
+        return self._step(now_s, now_s) if self._is_due(now_s, -self._slack_s) else None
 
     def tick(self, now_s: float) -> Report | None:
-        """To be called a few times a control period: the step that is due without a new scan, if any."""
-        wait = LATE_PERIODS if self._scan is None else 0.0
-        return self._step(now_s) if self._is_due(now_s, wait) else None
+        """To be called a few times a control period: the step that is overdue without a scan, if any."""
+        wait_s = self._slack_s if self._interval_s < SLOW * self.period_s else 0.0
+        return self._step(now_s, now_s - wait_s) if self._is_due(now_s, wait_s) else None
 
-    def _is_due(self, now_s: float, wait_periods: float) -> bool:
-        return now_s < self._now_s - self.period_s or now_s >= self._due_s + wait_periods * self.period_s
+    @property
+    def _slack_s(self) -> float:
+        """How much too early or late the scan may be that a step begins with: the one nearest to when it is due."""
+        return 0.5 * min(self._interval_s, self.period_s)
 
-    def _step(self, now_s: float) -> Report:
+    def _is_due(self, now_s: float, wait_s: float) -> bool:
+        since_s = now_s - self._beat_s
+        return since_s < -self.period_s or since_s >= self.period_s + wait_s - 1e-9
+
+    def _step(self, now_s: float, beat_s: float) -> Report:
+        """beat_s: from when on the next step is counted."""
         if self._now_s - self.period_s <= now_s < self._now_s:
             now_s = self._now_s  # clock and stamps come by different ways; a real jump is longer
-        # An early or missing scan keeps the cadence, a late one sets it.
-        on_time = self._scan is None or now_s < self._due_s
-        gone = not self._due_s <= now_s + self.period_s or self._due_s < now_s - self.period_s
-        self._due_s = self.period_s + (now_s if gone or not on_time else self._due_s)
-        self._now_s = now_s
+        self._now_s, self._beat_s = now_s, beat_s
         scan, self._scan = self._scan, None
         odometry, self._odometry = self._odometry, None
         command = self.navigator.step(scan, odometry, now_s, map_pose=self._map_pose())
