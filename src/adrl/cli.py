@@ -23,7 +23,7 @@ COMMANDS = {
     "reproduce": "run the paper's experiments again: figures, tables and what does not reproduce",
     "collect": "record A*+DWA demonstrations as a Minari dataset",
     "export": "write a policy as an ONNX model, or for the C++ example",
-    "bench": "measure the simulator, planners, a robot's step, the learner or Gazebo: sim, plan, act, learn, gazebo",
+    "bench": "measure one of: sim, plan, act, learn, gazebo, ros2",
     "list": "list robots, scenarios, methods and policies",
 }
 

@@ -102,8 +102,8 @@ def steady_clock() -> Any:
     return Clock(clock_type=ClockType.STEADY_TIME)
 
 
-def spin(node: Any) -> None:
-    """Until SIGINT or SIGTERM."""
+def spin(node: Any, until: Callable[[], bool] = lambda: False) -> None:
+    """Until SIGINT or SIGTERM, or until that is so."""
 
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
@@ -112,7 +112,7 @@ def spin(node: Any) -> None:
     executor = EventsExecutor()
     executor.add_node(node)
     with suppress(KeyboardInterrupt):
-        while True:
+        while not until():
             # spin(), which waits without an end, calls nothing and keeps a core busy with the wheels of 2025-11.
             executor.spin_once(timeout_sec=WAIT_S)
     executor.remove_node(node)
