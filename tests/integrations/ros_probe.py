@@ -2,13 +2,17 @@
 
     python ros_probe.py '{"generation": 2, "namespace": "/robot1", "stamped": true, "watch": ["odom"], "relay": true}'
 
-Lines of JSON in: {"goal": [x, y], "frame": "map"}, {"cancel": true}, {"relay": false}. Lines of JSON out: what topics
-said. relay: scans come from topic scan and go to topic relayed/scan, until told otherwise.
+Lines of JSON in: {"goal": [x, y], "frame": "map"}, {"cancel": true}, or Relay.become's arguments. Lines of JSON out:
+what topics said. relay: clock, scan, odometry and pose go on to relayed/..., as they are or as a test wants them.
 """
 
+import copy
 import json
+import math
 import sys
 import threading
+import time
+from collections.abc import Callable
 from queue import Empty as NothingThere
 from queue import SimpleQueue
 from typing import Any
@@ -18,13 +22,21 @@ if ASK["generation"] == 1:
     sys.path.append("/usr/lib/python3/dist-packages")
 
 from diagnostic_msgs.msg import DiagnosticArray  # noqa: E402  # pyright: ignore
-from geometry_msgs.msg import PoseStamped, Twist, TwistStamped  # noqa: E402  # pyright: ignore
+from geometry_msgs.msg import (  # noqa: E402  # pyright: ignore
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Twist,
+    TwistStamped,
+)
 from nav_msgs.msg import Odometry, Path  # noqa: E402  # pyright: ignore
+from rosgraph_msgs.msg import Clock  # noqa: E402  # pyright: ignore
 from sensor_msgs.msg import LaserScan  # noqa: E402  # pyright: ignore
 from std_msgs.msg import Empty, UInt32  # noqa: E402  # pyright: ignore
 
 LOCK = threading.Lock()
-RELAY = [bool(ASK["relay"])]
+RELAYED = {"scan": LaserScan, "odom": Odometry, "amcl_pose": PoseWithCovarianceStamped, "/clock": Clock}
+LATE = 4
+"""Scans by which one that is late comes after its time."""
 
 
 def say(topic: str, **values: Any) -> None:
@@ -37,6 +49,55 @@ def say(topic: str, **values: Any) -> None:
 def seconds(stamp: Any) -> float:
     """Of either generation's stamp."""
     return stamp.to_sec() if ASK["generation"] == 1 else stamp.sec + 1e-9 * stamp.nanosec
+
+
+class Relay:
+    """What comes between a robot and its driver. Healthy until told otherwise."""
+
+    def __init__(self, publish: dict[str, Callable[[Any], None]]) -> None:
+        """publish: of what is relayed."""
+        self._publish = publish
+        self._kept: list[Any] = []
+        self.become()
+
+    def become(self, scans: str = "pass", clock_s: float = 0.0, sensors_s: float = 0.0) -> None:
+        """scans: pass, drop, freeze, nan, late or swap. clock_s, sensors_s: by which clock and stamps are wrong."""
+        self._scans, self._clock_s, self._sensors_s = scans, clock_s, sensors_s
+        self._kept.clear()
+
+    def take(self, topic: str, message: Any) -> None:
+        """Pass on what is left of a message."""
+        message = copy.deepcopy(message)
+        if topic == "/clock":
+            shift(message.clock, self._clock_s)
+        else:
+            shift(message.header.stamp, self._sensors_s)
+        for passed in self._scan(message) if topic == "scan" else [message]:
+            self._publish[topic](passed)
+
+    def _scan(self, message: Any) -> list[Any]:
+        kept = self._kept
+        kept.append(message)
+        match self._scans:
+            case "drop":
+                return []
+            case "freeze":
+                message.ranges = kept[0].ranges
+            case "nan":
+                message.ranges = [math.nan] * len(message.ranges)
+            case "late":
+                return [kept.pop(0)] if len(kept) > LATE else []
+            case "swap":
+                return [kept.pop(), kept.pop()] if len(kept) == 2 else []
+            case _:
+                kept.clear()
+        return [message]
+
+
+def shift(stamp: Any, by_s: float) -> None:
+    """Of either generation."""
+    whole = "secs" if ASK["generation"] == 1 else "sec"
+    setattr(stamp, whole, getattr(stamp, whole) + int(by_s))
 
 
 def on_status(message: Any) -> None:
@@ -76,7 +137,7 @@ ALWAYS = ("adrl/status", "collisions")
 TOPICS = {topic: what for topic, what in LISTEN.items() if topic in ALWAYS or topic in ASK["watch"]}
 
 
-def obey(line: str, goals: Any, cancels: Any) -> None:
+def obey(line: str, goals: Any, cancels: Any, relay: Relay) -> None:
     """One line from the test."""
     order = json.loads(line)
     if "goal" in order:
@@ -84,11 +145,21 @@ def obey(line: str, goals: Any, cancels: Any) -> None:
         goal.header.frame_id = order["frame"]
         goal.pose.position.x, goal.pose.position.y = order["goal"]
         goal.pose.orientation.w = 1.0
-        goals.publish(goal)
+        publish(goals, goal)
     elif "cancel" in order:
-        cancels.publish(Empty())
+        publish(cancels, Empty())
     else:
-        RELAY[0] = order["relay"]
+        relay.become(**order)
+
+
+def publish(publisher: Any, message: Any) -> None:
+    """Once there is someone to hear it."""
+    count = publisher.get_num_connections if ASK["generation"] == 1 else publisher.get_subscription_count
+    give_up_s = time.monotonic() + 20.0
+    while not count():
+        assert time.monotonic() < give_up_s, "nobody listens"
+        time.sleep(0.01)
+    publisher.publish(message)
 
 
 def probe_ros1() -> None:
@@ -102,11 +173,12 @@ def probe_ros1() -> None:
     goals, cancels = publisher("goal_pose", PoseStamped), publisher("adrl/cancel", Empty)
     for topic, (kind, take) in TOPICS.items():
         rospy.Subscriber(topic, kind, take, tcp_nodelay=True)
-    if ASK["relay"]:
-        relayed = publisher("relayed/scan", LaserScan)
-        rospy.Subscriber("scan", LaserScan, lambda m: RELAY[0] and relayed.publish(m), tcp_nodelay=True)
+    relayed = RELAYED if ASK["relay"] else {}
+    relay = Relay({topic: publisher(where(topic), kind).publish for topic, kind in relayed.items()})
+    for topic, kind in relayed.items():
+        rospy.Subscriber(topic, kind, lambda m, t=topic: relay.take(t, m), tcp_nodelay=True)
     for line in sys.stdin:
-        obey(line, goals, cancels)
+        obey(line, goals, cancels, relay)
     rospy.signal_shutdown("done")
 
 
@@ -115,21 +187,22 @@ def probe_ros2() -> None:
     from rclpy.qos import (  # pyright: ignore
         DurabilityPolicy,
         QoSProfile,
-        qos_profile_sensor_data,
+        ReliabilityPolicy,
     )
 
     latched = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    newest = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
     rclpy.init(args=["probe", "--ros-args", "-r", f"__ns:={ASK['namespace'] or '/'}"])
     node = rclpy.create_node("probe")
     goals = node.create_publisher(PoseStamped, "goal_pose", 5)
     cancels = node.create_publisher(Empty, "adrl/cancel", 5)
     for topic, (kind, take) in TOPICS.items():
         node.create_subscription(kind, topic, take, latched if topic in ALWAYS else 50)
-    if ASK["relay"]:
-        relayed = node.create_publisher(LaserScan, "relayed/scan", qos_profile_sensor_data)
-        node.create_subscription(
-            LaserScan, "scan", lambda m: RELAY[0] and relayed.publish(m), qos_profile_sensor_data
-        )
+    relayed = RELAYED if ASK["relay"] else {}
+    qos = {topic: latched if topic == "amcl_pose" else newest for topic in relayed}
+    relay = Relay({t: node.create_publisher(kind, where(t), qos[t]).publish for t, kind in relayed.items()})
+    for topic, kind in relayed.items():
+        node.create_subscription(kind, topic, lambda m, t=topic: relay.take(t, m), qos[topic])
     lines: SimpleQueue[str] = SimpleQueue()
 
     def read() -> None:
@@ -146,7 +219,12 @@ def probe_ros2() -> None:
             continue
         if not line:
             return
-        obey(line, goals, cancels)
+        obey(line, goals, cancels, relay)
+
+
+def where(topic: str) -> str:
+    """What is relayed from a topic comes out here."""
+    return f"relayed/{topic.removeprefix('/')}"
 
 
 if __name__ == "__main__":

@@ -70,11 +70,15 @@ class Probe(Process):
     def order(self, **what: Any) -> int:
         """Send it. Returns the number of the next event."""
         assert self.popen.stdin is not None
-        with self._news:
-            count = len(self.events)
+        count = self.count()
         self.popen.stdin.write(json.dumps(what).encode() + b"\n")
         self.popen.stdin.flush()
         return count
+
+    def count(self) -> int:
+        """The number of the next event."""
+        with self._news:
+            return len(self.events)
 
     def wait(self, wanted: Callable[[Event], bool], first: int = 0, *, timeout_s: float = 60.0) -> int:
         """The number of the first such event from a number on."""
@@ -246,9 +250,9 @@ def test_a_goal_on_the_map_without_localisation_is_refused_and_one_in_odom_drive
     first = probe.wait(is_idle)
     for number, (frame, refusal) in enumerate((("map", "NotLocalised"), ("base_link", "UnknownFrame")), 1):
         first = probe.order(goal=(0.6, 0.0), frame=frame)
-        told = probe.wait(lambda e: e["topic"] == "status" and e["refusal"] != "", first)
+        told = probe.wait(lambda e, n=str(number): e["topic"] == "status" and e["goals"] == n, first)
         status = probe.events[told]
-        assert (status["refusal"], status["level"], status["goals"]) == (refusal, 2, str(number))
+        assert (status["refusal"], status["level"]) == (refusal, 2)
         assert status["message"]
         stands_from(probe, first, 0)
     assert not any(event["v"] or event["w"] for event in probe.of("cmd_vel"))
@@ -258,6 +262,15 @@ def test_a_goal_on_the_map_without_localisation_is_refused_and_one_in_odom_drive
     last = probe.of("odom")[-1]
     assert 0.25 < last["x"] < 0.95
     assert {event["frame"] for event in probe.of("plan", first)} == {"odom"}
+    # Behind the walls: it tries on, until it is told not to.
+    first = probe.order(goal=(20.0, 0.0), frame="odom")
+    begin_s = last["t"]
+    tried = probe.wait(lambda event: event["topic"] == "odom" and event["t"] > begin_s + 30.0, first)
+    assert not any(event["outcome"] for event in probe.of("status", tried))
+    first = probe.order(cancel=True)
+    ended = probe.wait(has_ended(4), first)
+    assert probe.events[ended]["outcome"] == "cancelled"
+    assert [event["count"] for event in probe.of("collisions")] == [0]
 
 
 @pytest.mark.ros
@@ -272,10 +285,10 @@ def test_the_node_is_killed_and_started_again(ros: Ros, a_map: str) -> None:
     time.sleep(1.0)
     first = probe.order(goal=task.goal, frame="map")
     probe.wait(is_at_speed, first)
-    first = probe.order(relay=False)  # nothing to the node: the number of the next event
+    first = probe.count()
     node.end(signal.SIGKILL)
     stands_from(probe, first, 1 + 2 + BRAKING_PERIODS)
-    first = probe.order(relay=False)
+    first = probe.count()
     node = ros.node("drive", "--map", a_map)
     probe.wait(is_idle, first)
     stands_from(probe, first, 0)
@@ -290,6 +303,58 @@ def test_the_node_is_killed_and_started_again(ros: Ros, a_map: str) -> None:
     assert probe.events[ended]["outcome"] == "reached"
     assert [event["count"] for event in probe.of("collisions")] == [0]
     assert node.end() == 0
+
+
+FAULTS: tuple[dict[str, Any], ...] = (
+    {"scans": "drop"},
+    {"scans": "freeze"},
+    {"scans": "nan"},
+    {"scans": "late"},
+    {"clock_s": 100.0},
+    {"sensors_s": 100.0},
+)
+HEALTHY = {"scans": "pass"}
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.integration
+def test_it_stands_while_something_fails_and_drives_on_afterwards(ros: Ros, a_map: str) -> None:
+    """Scans, the node's clock, the sensors' clock, all clocks; each fault on the way, then a goal elsewhere."""
+    goals = [task.goal for task in task_set(MapScenario(a_map), load_robot("diffbot"), "test", 9)]
+    ros.node("sim", "--map", a_map, "--speed", "2")
+    relayed = {
+        topic: f"relayed/{topic.removeprefix('/')}" for topic in ("scan", "odom", "amcl_pose", "/clock")
+    }
+    ros.node("drive", "--map", a_map, **relayed)
+    probe = ros.probe("odom", relay=True)
+    probe.wait(is_idle)
+    time.sleep(1.0)
+    for goal, fault in zip(goals, FAULTS, strict=False):
+        first = probe.order(goal=goal, frame="map")
+        probe.wait(is_at_speed, first)
+        first = probe.order(**fault)
+        # As for scans that stop, below.
+        stands_from(probe, first, 1 + 2 + 1 + BRAKING_PERIODS)
+        assert "stopped" in {event["status"] for event in probe.of("status", first)}, fault
+        probe.order(**HEALTHY)
+    for jump in ({"clock_s": 100.0, "sensors_s": 100.0}, HEALTHY):
+        first = probe.order(goal=goals[6 + (jump is HEALTHY)], frame="map")
+        at = probe.wait(is_at_speed, first)
+        probe.order(**jump)
+        jumped_s = probe.events[at]["t"]
+        again = probe.wait(lambda e, s=jumped_s: is_at_speed(e) and e["t"] > s + 1.0, at)
+        assert probe.events[again]["t"] - jumped_s < 3.0
+    probe.order(scans="swap")
+    first = probe.order(goal=goals[8], frame="map")
+    ended = probe.wait(has_ended(9), first)
+    assert probe.events[ended]["outcome"] == "reached"
+    first = probe.order(goal=(0.0, 50.0), frame="map")
+    ended = probe.wait(has_ended(10), first)
+    assert probe.events[ended]["outcome"] == "failed"
+    assert probe.events[ended]["message"]
+    stands_from(probe, ended, BRAKING_PERIODS)
+    assert [event["count"] for event in probe.of("collisions")] == [0]
 
 
 @pytest.mark.ros
@@ -307,14 +372,14 @@ def test_names_parameters_and_stamped_commands_and_scans_that_stop(ros: Ros, a_m
     first = probe.order(goal=task.goal, frame="map")
     probe.wait(is_at_speed, first)
     assert {event["frame"] for event in probe.of("cmd_vel", first)} == {"robot1/base_link"}
-    first = probe.order(relay=False)
+    first = probe.order(scans="drop")
     held = probe.wait(lambda e: e["topic"] == "status" and "scan_stale" in e["reasons"], first)
     assert probe.events[held]["status"] == "stopped"
     # The first scan that is missing is due a period later; the pause of a message between processes is one more.
     stands_from(probe, first, 1 + 2 + 1 + BRAKING_PERIODS)
-    first = probe.order(relay=True)
+    first = probe.order(scans="pass")
     probe.wait(is_at_speed, first)
-    first = probe.order(relay=True)
+    first = probe.count()
     assert node.end(signal.SIGTERM) == 0
     stands_from(probe, first, 1 + 2 + BRAKING_PERIODS)
     assert [event["count"] for event in probe.of("collisions")] == [0]

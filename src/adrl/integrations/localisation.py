@@ -8,6 +8,8 @@ from adrl.deploy import Odometry, Pose
 
 KEPT = 200
 """Odometry messages that are remembered: poses on the map are older than odometry."""
+GAP_S = 1.0
+"""Stamps farther apart are of a clock that has jumped, or of another clock."""
 
 
 class Localisation:
@@ -36,17 +38,24 @@ class Localisation:
             self._history.append(last)
 
     def take_odometry(self, odometry: Odometry) -> None:
-        """Remember it, unless it is overtaken by a newer one; a clock that goes back begins anew."""
+        """Remember it, unless it is overtaken by a newer one; after a clock has jumped, it alone."""
         if not math.isfinite(odometry.stamp_s) or not all(map(math.isfinite, odometry.pose)):
             return
-        if self._history and odometry.stamp_s < self._history[0].stamp_s:
+        if self._history and abs(odometry.stamp_s - self._history[-1].stamp_s) > GAP_S:
             self._history.clear()
         if not self._history or odometry.stamp_s > self._history[-1].stamp_s:
             self._history.append(odometry)
 
     def take_pose(self, on_map: Pose, stamp_s: float) -> bool:
-        """Where the robot was on the map at stamp_s. False when it is of no use: not finite, or no odometry yet."""
+        """Where the robot was on the map at stamp_s.
+
+        False when it is of no use: not finite, no odometry of that time. The first may be of long ago: localisation
+        reports again once the robot moves.
+        """
         if not all(map(math.isfinite, (*on_map, stamp_s))) or not self._history:
+            return False
+        before = stamp_s < self._history[0].stamp_s
+        if stamp_s > self._history[-1].stamp_s + GAP_S or (before and self.known):
             return False
         self._odom_on_map = compose(on_map, inverse(self._pose_at(stamp_s)))
         return True
@@ -62,7 +71,7 @@ class Localisation:
         return compose(inverse(self._odom_on_map), pose)
 
     def _pose_at(self, stamp_s: float) -> Pose:
-        """By odometry; beyond what is remembered, the nearest: localisation reports again once the robot moves."""
+        """By odometry; beyond what is remembered, the nearest."""
         known = self._history
         later = bisect_left([message.stamp_s for message in known], stamp_s)
         if later == 0 or later == len(known):

@@ -14,6 +14,8 @@ NAME = "adrl"
 """Of the node."""
 TICKS = 4
 """A control period: so often the node looks whether a scan is missing."""
+CLOCK_LATE_PERIODS = 2
+"""A simulated clock may be so late; a scan that is farther ahead of it has another clock."""
 LATCHED = ("amcl_pose", "adrl/status")
 """Topics whose last message is for whoever comes late."""
 
@@ -82,8 +84,9 @@ class DriveTopics:
 
     def _take_scan(self, message: Any) -> None:
         stamp_s, now_s = self._seconds(message.header.stamp), self._now_s()
-        # In simulation the clock is a topic as well, and may come after the scan of its time.
-        now_s = max(now_s, stamp_s) if self._simulated else now_s
+        # In simulation the clock is a topic as well, and may come after the scan of its time; not much after.
+        if self._simulated and now_s < stamp_s <= now_s + CLOCK_LATE_PERIODS * self._driver.period_s:
+            now_s = stamp_s
         self._deliver(self._driver.take_scan(scan_of(message, stamp_s), now_s), now_s)
 
     def _deliver(self, report: Report | None, now_s: float) -> None:
