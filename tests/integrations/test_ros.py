@@ -5,6 +5,8 @@ Kilted from .venv-ros2 (make ros2), or what ADRL_ROS2 names, as the environment 
 
 import json
 import os
+import re
+import shlex
 import shutil
 import signal
 import socket
@@ -382,4 +384,30 @@ def test_names_parameters_and_stamped_commands_and_scans_that_stop(ros: Ros, a_m
     first = probe.count()
     assert node.end(signal.SIGTERM) == 0
     stands_from(probe, first, 1 + 2 + BRAKING_PERIODS)
+    assert [event["count"] for event in probe.of("collisions")] == [0]
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.integration
+def test_the_commands_of_the_page_take_the_robot_to_its_goal(ros: Ros, a_map: str, tmp_path: Path) -> None:
+    page = (SOURCE / "docs" / "how-to" / "ros.md").read_text()
+    for name, text in re.findall(r'^```python title="(.+?)"\n(.*?)^```$', page, re.MULTILINE | re.DOTALL):
+        (tmp_path / name).write_text(text)
+    blocks = re.findall(r"^```sh\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    (block,) = (block for block in blocks if f"adrl ros{ros.generation} " in block)
+    here = {"map.yaml": [a_map], "adrl": [str(ros.python), "-m", "adrl.cli"], "python": [str(ros.python)]}
+    here["goal.py"] = [str(tmp_path / "goal.py")]
+    sim, drive, goal = (
+        [part for word in shlex.split(line) for part in here.get(word, [word])] for line in block.splitlines()
+    )
+    ros.start("sim", sim)
+    ros.start("drive", drive)
+    probe = ros.probe()
+    probe.wait(is_idle)
+    time.sleep(1.0)
+    first = probe.count()
+    ros.start("goal", goal)
+    ended = probe.wait(has_ended(1), first)
+    assert probe.events[ended]["outcome"] == "reached"
     assert [event["count"] for event in probe.of("collisions")] == [0]

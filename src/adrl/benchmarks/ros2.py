@@ -23,6 +23,7 @@ def bench_ros2(policy: str, *, scans: int = 600) -> dict[str, Any]:
     """A simulated robot in this process and the node in another, in real time, joined by DDS. Times in ms.
 
     cpu: processor time of the node's process, all threads, in percent of one core; idle with sensors but no goal.
+    memory: what it has resident. load: of the machine in the minute before the end, this benchmark included.
     Raises ConfigError, MissingExtra where ROS 2 is not, WorldError when the node does not come up.
     """
     if scans < 20:
@@ -96,6 +97,7 @@ def _measure(node_id: int, scans: int) -> dict[str, Any]:
                 ros.spin(node, lambda until=until: until() or len(latency_s) >= scans)
 
         driving = _share(node_id, drive)
+        memory_mb = _resident_mb(node_id)
     ms = 1e3 * np.array(latency_s)
     return {
         "schema_version": 1,
@@ -105,6 +107,8 @@ def _measure(node_id: int, scans: int) -> dict[str, Any]:
         "max_ms": float(ms.max()),
         "idle_cpu_percent": 100.0 * idle,
         "driving_cpu_percent": 100.0 * driving,
+        "memory_mb": memory_mb,
+        "load": os.getloadavg()[0],
     }
 
 
@@ -124,3 +128,8 @@ def _busy_s(process_id: int) -> float:
     # After the name in brackets: state is field 3, user and system time are 14 and 15.
     words = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()
     return TICK_S * (int(words[11]) + int(words[12]))
+
+
+def _resident_mb(process_id: int) -> float:
+    pages = int(Path(f"/proc/{process_id}/statm").read_text().split()[1])
+    return 1e-6 * pages * os.sysconf("SC_PAGE_SIZE")
