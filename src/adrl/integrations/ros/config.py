@@ -42,7 +42,7 @@ class DriveConfig:
     stamped: bool = False
     """Commands are TwistStamped instead of Twist."""
     goal_tolerance_m: float = 0.3
-    """Distance to the goal at which it is reached."""
+    """Distance to the goal at which it is reached, m."""
     mount: tuple[float, float, float] | None = None
     """x (m), y (m), yaw (rad) of the LiDAR on the robot; as trained when left out."""
     zero_is_free: bool = False
