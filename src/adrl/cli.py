@@ -16,12 +16,14 @@ COMMANDS = {
     "compare": "train and evaluate many methods with many seeds, and compare them in one table",
     "barn": "drive a policy in worlds of the BARN benchmark and score it",
     "gazebo": "drive policies in Gazebo, measure the gap to our simulator, export worlds",
+    "ros1": "drive a robot with ROS 1, or be one: drive, sim",
+    "ros2": "drive a robot with ROS 2, or be one: drive, sim",
     "calibrate": "fit the simulator's base to recorded drives",
     "report": "write one HTML file of a run or a comparison: curves, tables, replays, failures",
     "reproduce": "run the paper's experiments again: figures, tables and what does not reproduce",
     "collect": "record A*+DWA demonstrations as a Minari dataset",
     "export": "write a policy as an ONNX model, or for the C++ example",
-    "bench": "measure the simulator, planners, a robot's step, the learner or Gazebo: sim, plan, act, learn, gazebo",
+    "bench": "measure one of: sim, plan, act, learn, gazebo, ros2",
     "list": "list robots, scenarios, methods and policies",
 }
 

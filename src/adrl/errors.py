@@ -46,6 +46,22 @@ class NoPath(PlanningError):
     """Start and goal are free but not connected for this robot."""
 
 
+class GoalRefused(AdrlError):
+    """Base of the reasons for which a robot does not take a goal; what it was doing before goes on."""
+
+
+class BadGoal(GoalRefused):
+    """The goal is not finite."""
+
+
+class UnknownFrame(GoalRefused):
+    """The goal is in a frame that is neither that of the odometry nor that of the map."""
+
+
+class NotLocalised(GoalRefused):
+    """The goal needs the robot's place on the map, which nothing has told."""
+
+
 class TaskError(AdrlError):
     """No task that meets the request could be drawn from a world."""
 

@@ -97,6 +97,18 @@ class GazeboOptions:
     """File for the results."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Ros2Options:
+    """A node of ROS 2, and a simulated robot in real time beside it."""
+
+    policy: str = DEFAULT
+    """default (the shipped policy), or a run folder."""
+    scans: int = 600
+    """Scans to time, ten a second with the default policy."""
+    json: Path | None = None
+    """File for the results."""
+
+
 def _gather(arguments: Sequence[str], option: str) -> list[str]:
     """The arguments with all values of a repeated option behind one: --x A --x B is --x A B."""
     rest: list[str] = []
@@ -180,6 +192,14 @@ def _gazebo(arguments: Sequence[str]) -> int:
     return _report(results, options.json)
 
 
+def _ros2(arguments: Sequence[str]) -> int:
+    from adrl.benchmarks.ros2 import bench_ros2
+
+    options = parse(Ros2Options, arguments, "bench ros2", "From scan to command over DDS, and what it costs.")
+    require_file("--json", options.json)
+    return _report(bench_ros2(options.policy, scans=options.scans), options.json)
+
+
 def _report(results: dict[str, Any], path: Path | None) -> int:
     if path is not None and str(path) != "-":
         files.write_json(path, results)
@@ -207,6 +227,10 @@ WHAT: dict[str, tuple[str, Runner]] = {
     "gazebo": (
         "control steps a second of robots in Gazebo, where it is set up",
         _gazebo,
+    ),
+    "ros2": (
+        "a node of ROS 2 from scan to command over DDS, and its processor time; in .venv-ros2",
+        _ros2,
     ),
 }
 

@@ -27,6 +27,7 @@ Reason = Literal[
     "odometry_invalid",
     "odometry_frozen",
     "odometry_jumped",
+    "not_localised",
     "clock_jumped",
     "command_invalid",
     "limited",

@@ -118,11 +118,11 @@ class Navigator:
         """The command for the control period that begins at now_s.
 
         scan, odometry: what has come since the last step; None for nothing. map_pose: where the robot is on the map of
-        guidance `map`; by odometry when None.
+        guidance `map`, by odometry when None; with a coordinate that is not finite the robot stands.
         """
         faults = self._watch(scan, odometry, now_s)
         if map_pose is not None and not np.isfinite(map_pose).all():
-            faults = (*faults, "odometry_invalid")
+            faults = (*faults, "not_localised")
         if faults or self.goal is None:
             return self._stand("idle" if self.goal is None else "stopped", now_s, faults)
         if self.supervisor is not None:

@@ -1,0 +1,32 @@
+"""adrl ros1 and adrl ros2: the same nodes and options, of two generations."""
+
+from collections.abc import Callable, Sequence
+from importlib import import_module
+
+from adrl.commands.options import parse, subcommand
+from adrl.integrations.ros.config import DriveConfig, SimConfig
+
+Split = Callable[[Sequence[str]], tuple[Sequence[str], Sequence[str]]]
+"""Arguments -> ours, and those of ROS."""
+
+
+def run(command: str, split: Split, arguments: Sequence[str], example: str) -> int:
+    """Run a node of ros1 or ros2, which is imported when it is known that it runs."""
+
+    def drive(arguments: Sequence[str]) -> int:
+        ours, theirs = split(arguments)
+        config = parse(DriveConfig, ours, f"{command} drive", "Drive a robot to the goals it gets.")
+        import_module(f"adrl.integrations.{command}.drive").drive(config, theirs)
+        return 0
+
+    def sim(arguments: Sequence[str]) -> int:
+        ours, theirs = split(arguments)
+        config = parse(SimConfig, ours, f"{command} sim", "Our simulator as a robot on the topics of one.")
+        import_module(f"adrl.integrations.{command}.sim").sim(config, theirs)
+        return 0
+
+    kinds = {
+        "drive": ("drive a robot to the goals it gets", drive),
+        "sim": ("our simulator as a robot on the topics of one", sim),
+    }
+    return subcommand(command, "node", kinds, arguments, f"\nROS's own arguments go with them: {example}")

@@ -1,0 +1,88 @@
+"""What a driving node publishes, and how often: the command at once, the rest as people and monitors need it."""
+
+import logging
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from adrl.integrations.driver import Report
+from adrl.integrations.ros.config import DriveConfig
+from adrl.integrations.ros.messages import path_message, status_message, twist_message
+
+PLAN_S = 0.5
+"""Least time between two plans of one goal."""
+STATUS_S = 1.0
+"""A status is repeated so often when it does not change."""
+
+Publish = Callable[[Any], None]
+
+
+class Outbox:
+    """Publishers of a driving node: topic -> cmd_vel, plan and adrl/status."""
+
+    def __init__(
+        self,
+        config: DriveConfig,
+        robot: str,
+        publish: Mapping[str, Publish],
+        header: Callable[[float, str], Any],
+    ) -> None:
+        """publish: of topic -> cmd_vel, plan and adrl/status. header(stamp_s, frame): a std_msgs/Header."""
+        self._config = config
+        self._robot = robot
+        self._publish = publish
+        self._header = header
+        self._told: tuple[Any, ...] = ()
+        self._told_s = self._planned_s = -math.inf
+        self._plan_of: int | None = None
+        """Number of the goal whose plan is on display."""
+
+    def deliver(self, report: Report, now_s: float) -> None:
+        """Publish what is due."""
+        if report.send:
+            self.command(report.command.twist, now_s)
+        self._tell(report, now_s)
+        self._show_plan(report, now_s)
+
+    def command(self, twist: tuple[float, float], now_s: float) -> None:
+        """Tell the base."""
+        header = self._header(now_s, self._config.base_frame) if self._config.stamped else None
+        self._publish["cmd_vel"](twist_message(twist, header, stamped=self._config.stamped))
+
+    def _tell(self, report: Report, now_s: float) -> None:
+        reasons = set(report.command.reasons) - {"limited"}
+        told = (report.command.status, reasons, report.outcome, report.refusal, report.goals)
+        if told != self._told or not 0.0 <= now_s - self._told_s < STATUS_S:
+            self._told, self._told_s = told, now_s
+            self._publish["adrl/status"](status_message(report, self._robot, self._header(now_s, "")))
+
+    def _show_plan(self, report: Report, now_s: float) -> None:
+        plan = report.command.plan
+        number = report.goals if len(plan) else None
+        if number is None and (report.goal is not None or self._plan_of is None):
+            return  # held on the way, or nothing on display
+        if number != self._plan_of or not 0.0 <= now_s - self._planned_s < PLAN_S:
+            self._plan_of, self._planned_s = number, now_s
+            self._publish["plan"](path_message(plan, self._header(now_s, report.frame)))
+
+
+class RosLogHandler(logging.Handler):
+    """What ADRL logs, in the node's log."""
+
+    def __init__(self, write: Mapping[int, Callable[[str], Any]]) -> None:
+        """write: of logging's INFO, WARNING and ERROR."""
+        super().__init__(logging.INFO)
+        self._write = write
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Pass it on."""
+        level = max((known for known in self._write if known <= record.levelno), default=logging.INFO)
+        self._write[level](record.getMessage())
+
+
+def log_to(write: Mapping[int, Callable[[str], Any]]) -> None:
+    """Send what ADRL logs to a node's log."""
+    log = logging.getLogger("adrl")
+    log.setLevel(logging.INFO)
+    log.addHandler(RosLogHandler(write))
+    log.propagate = False

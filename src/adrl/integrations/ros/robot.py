@@ -1,0 +1,86 @@
+"""Our simulator as one robot: scans and odometry of its own frame, a base with a watchdog, a count of collisions."""
+
+import dataclasses
+
+import numpy as np
+
+from adrl.deploy import Odometry, Pose, Twist
+from adrl.envs import NavSim
+from adrl.integrations.localisation import compose, inverse
+from adrl.integrations.ros.config import SimConfig
+from adrl.types import Array, RobotConfig, Task
+from adrl.worlds import load_robot, task_set
+
+WATCHDOG_PERIODS = 2
+"""Control periods without a command after which the base stops."""
+NOWHERE = (1e6, 1e6)
+"""The simulator's task has no end: goals are the driver's affair."""
+
+
+class SimulatedRobot:
+    """Starts where its task does. After a collision it is put back there."""
+
+    def __init__(self, task: Task, robot: RobotConfig, seed: int = 0) -> None:
+        path = np.array([task.start[:2], NOWHERE])
+        self.robot = robot
+        self.collisions = 0
+        self.steps = 0
+        """Control periods since the beginning."""
+        self._task = dataclasses.replace(task, goal=NOWHERE, path=path, time_limit_s=1e12)
+        self._sim = NavSim(1, robot)
+        self._seed = seed
+        self._unheard = 0
+        self._restart()
+
+    @classmethod
+    def of(cls, config: SimConfig) -> "SimulatedRobot":
+        """Raises AdrlError."""
+        robot = load_robot(config.robot)
+        task = task_set(config.load(), robot, "test", 1, first=config.task)[0]
+        return cls(task, robot, config.seed)
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time."""
+        return self.steps * self.robot.control_period_s
+
+    @property
+    def ranges(self) -> Array:
+        """(K,) of the LiDAR, m."""
+        return self._sim.b["ranges"][0]
+
+    @property
+    def pose(self) -> Pose:
+        """On the map."""
+        x, y, yaw = self._sim.b["pose"][0].tolist()
+        return x, y, yaw
+
+    @property
+    def odometry(self) -> Odometry:
+        """In a frame whose origin is the start."""
+        x, y, yaw = self._sim.b["odometry"][0].tolist()
+        v, w = self._sim.b["twist"][0].tolist()
+        pose = compose(inverse(self._task.start), (x, y, yaw))
+        return Odometry(pose=pose, twist=(v, w), stamp_s=self.time_s)
+
+    def command(self, twist: Twist) -> None:
+        """What the base is to do from now on."""
+        self._sim.b["command"][0] = twist if np.isfinite(twist).all() else 0.0
+        self._unheard = 0
+
+    def advance(self) -> None:
+        """One control period."""
+        self._unheard += 1
+        if self._unheard > WATCHDOG_PERIODS:
+            self._sim.b["command"][0] = 0.0
+        self._sim.native.step()
+        self.steps += 1
+        if self._sim.b["collided"][0]:
+            self.collisions += 1
+            self._seed += 1
+            self._restart()
+
+    def _restart(self) -> None:
+        seeds = np.array([self._seed], np.uint64)
+        self._sim.reset(np.array([0]), [self._task], seeds, np.random.default_rng(self._seed))
+        self._sim.b["command"][0] = 0.0

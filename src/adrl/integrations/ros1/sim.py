@@ -1,0 +1,28 @@
+"""adrl ros1 sim: our simulator as a robot on the topics of one."""
+
+import time
+from collections.abc import Sequence
+
+from adrl.integrations.ros.config import SimConfig
+from adrl.integrations.ros.sim import LATCHED, NAME, SimTopics, publications, subscription
+from adrl.integrations.ros1 import node as ros
+
+
+def sim(config: SimConfig, ros_arguments: Sequence[str]) -> None:
+    """Run the node until it is told to end. Raises AdrlError."""
+    rospy, config = ros.start(NAME, config, ros_arguments)
+    publish = {
+        topic: ros.publisher(rospy, topic, kind, latched=topic in LATCHED)
+        for topic, kind in publications().items()
+    }
+    topics = SimTopics(config, publish, ros.header)
+    alone = ros.Alone()
+    rospy.Subscriber(
+        "cmd_vel", subscription(config), alone(topics.take_command), queue_size=1, tcp_nodelay=True
+    )
+    tick, due_s = alone(topics.tick), time.monotonic()
+    while not rospy.is_shutdown():
+        # Real time: the simulated one is what this node publishes.
+        due_s = max(due_s + topics.tick_s, time.monotonic())
+        time.sleep(due_s - time.monotonic() if due_s > time.monotonic() else 0.0)
+        tick()

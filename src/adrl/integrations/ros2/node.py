@@ -1,0 +1,118 @@
+"""What both nodes have: parameters, topics, stamps, an executor, an orderly end."""
+
+import logging
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from adrl.errors import MissingExtra
+from adrl.integrations.ros.config import Config, Parameter, with_parameters
+from adrl.integrations.ros.outbox import Publish, log_to
+
+try:
+    import rclpy  # pyright: ignore[reportMissingImports]
+    from builtin_interfaces.msg import Time  # pyright: ignore[reportMissingImports]
+    from rcl_interfaces.msg import ParameterDescriptor  # pyright: ignore[reportMissingImports]
+    from rclpy.clock import Clock, ClockType  # pyright: ignore[reportMissingImports]
+    from rclpy.experimental import EventsExecutor  # pyright: ignore[reportMissingImports]
+    from rclpy.qos import (  # pyright: ignore[reportMissingImports]
+        DurabilityPolicy,
+        QoSProfile,
+        ReliabilityPolicy,
+    )
+    from rclpy.qos_overriding_options import (  # pyright: ignore[reportMissingImports]
+        QoSOverridingOptions,
+        QoSPolicyKind,
+    )
+    from rclpy.signals import SignalHandlerOptions  # pyright: ignore[reportMissingImports]
+    from std_msgs.msg import Header  # pyright: ignore[reportMissingImports]
+except ImportError as error:
+    raise MissingExtra(
+        f"ROS 2 is not in this environment ({error}); make ros2 in the source makes one, .venv-ros2, with its own adrl"
+    ) from None
+
+RELIABLE = QoSProfile(depth=1)
+SENSOR = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+OVERRIDABLE = QoSOverridingOptions((QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY, QoSPolicyKind.DEPTH))
+"""By parameters qos_overrides.TOPIC.subscription.reliability and the like."""
+
+WAIT_S = 0.1
+"""A signal is heeded so soon where no message comes."""
+
+
+@contextmanager
+def a_node(name: str, ros_arguments: Sequence[str]) -> Iterator[Any]:
+    """A node with the arguments from --ros-args on, for as long as the context lasts."""
+    # Signals are ours: a context that has shut down could no longer tell the base to stop.
+    rclpy.init(args=["adrl", *ros_arguments], signal_handler_options=SignalHandlerOptions.NO)
+    node = rclpy.create_node(name)
+    log = node.get_logger()
+    log_to(
+        {  # rclpy holds each place that logs to one level
+            logging.INFO: lambda words: log.info(words),
+            logging.WARNING: lambda words: log.warning(words),
+            logging.ERROR: lambda words: log.error(words),
+        }
+    )
+    try:
+        yield node
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
+def configure(node: Any, config: Config) -> Config:
+    """The settings with the values of the node's parameters, which cannot be changed later. Raises ConfigError."""
+    descriptor = ParameterDescriptor(read_only=True, dynamic_typing=True)
+
+    def get(name: str, default: Parameter) -> Any:
+        # An empty list has no type that ROS could infer.
+        value = node.declare_parameter(name, None if default == [] else default, descriptor).value
+        return default if value is None else value
+
+    return with_parameters(config, get)
+
+
+def publisher(node: Any, topic: str, kind: Any, *, latched: bool = False) -> Publish:
+    """Publishes on a topic."""
+    qos = LATCHED if latched else RELIABLE
+    return node.create_publisher(kind, topic, qos, qos_overriding_options=OVERRIDABLE).publish
+
+
+def subscribe(node: Any, topic: str, kind: Any, take: Callable[[Any], None], qos: Any) -> None:
+    """Have a topic's messages taken."""
+    node.create_subscription(kind, topic, take, qos, qos_overriding_options=OVERRIDABLE)
+
+
+def seconds(stamp: Any) -> float:
+    """Of a builtin_interfaces/Time."""
+    return stamp.sec + 1e-9 * stamp.nanosec
+
+
+def header(stamp_s: float, frame: str) -> Any:
+    """A std_msgs/Header."""
+    whole, nanoseconds = divmod(round(stamp_s * 1e9), 1_000_000_000)
+    return Header(stamp=Time(sec=whole, nanosec=nanoseconds), frame_id=frame)
+
+
+def steady_clock() -> Any:
+    """That no one sets."""
+    return Clock(clock_type=ClockType.STEADY_TIME)
+
+
+def spin(node: Any, until: Callable[[], bool] = lambda: False) -> None:
+    """Until SIGINT or SIGTERM, or until that is so."""
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGTERM, stop)
+    executor = EventsExecutor()
+    executor.add_node(node)
+    with suppress(KeyboardInterrupt):
+        while not until():
+            # spin(), which waits without an end, calls nothing and keeps a core busy with the wheels of 2025-11.
+            executor.spin_once(timeout_sec=WAIT_S)
+    executor.remove_node(node)
