@@ -65,7 +65,7 @@ def q_figure(results: Results, methods: Sequence[str]) -> Figure:
     for row, scenario in zip(grid, results.scenarios, strict=True):
         for method in results.methods_of(scenario, methods):
             curves, style = results.curves_of(scenario, method), _style(method)
-            label = LABELS[method] + (" (value V)" if method == "sb3-ppo" else "")
+            label = _label(results, scenario, method, " (value V)" if method == "sb3-ppo" else "")
             _band(row[0], curves, "episode", lambda curve: curve["q_mean"], style, label)
             _band(row[1], curves, "episode", _rescaled, style, label)
             _band(row[2], curves, "episode", _success, style, label)
@@ -84,6 +84,12 @@ def _success(curve: Curve) -> Array:
 def _style(method: str) -> tuple[str, LineStyleType]:
     """The same in every figure."""
     return line_style(METHODS.index(method))
+
+
+def _label(results: Results, scenario: str, method: str, note: str = "") -> str:
+    """Its name, and how many of the seeds have ended where not all have."""
+    ended, wanted = results.seeds(scenario, method), results.about["scenarios"][scenario]["seeds"]
+    return LABELS[method] + note + ("" if ended == wanted else f", {ended} of {wanted} seeds")
 
 
 def _rescaled(curve: Curve) -> Array:
@@ -132,7 +138,7 @@ def success_figure(results: Results) -> Figure:
         for method in results.methods_of(scenario, METHODS):
             curves = results.curves_of(scenario, method)
             for axes, column in zip(row, ("env_steps", "wall_s"), strict=True):
-                _band(axes, curves, column, _success, _style(method), LABELS[method])
+                _band(axes, curves, column, _success, _style(method), _label(results, scenario, method))
         _axes(row[0], f"{scenario}: success in validation, %", "environment steps")
         _axes(row[1], f"{scenario}: success in validation, %", "wall clock, s")
         row[0].legend(frameon=False, fontsize=7, loc="lower right")
@@ -149,7 +155,7 @@ def value_figure(results: Results) -> Figure:
             _band(
                 axes, curves, "env_steps", lambda curve: curve["return_start"], (PALETTE[1], "--"), "realised"
             )
-            _axes(axes, f"{scenario}: {LABELS[method]}", "environment steps")
+            _axes(axes, f"{scenario}: {_label(results, scenario, method)}", "environment steps")
             axes.tick_params(labelsize=7)
         row[0].legend(frameon=False, fontsize=7)
     return figure
@@ -165,9 +171,8 @@ def survival_figure(results: Results) -> Figure:
                 end = max(curve["wall_s"][-1] for curve in results.curves_of(scenario, method))
                 colour, stroke = _style(method)
                 x, share = np.append(x, max(end, x[-1])), np.append(share, share[-1])
-                axes.step(
-                    x, 100.0 * share, where="post", color=colour, linestyle=stroke, label=LABELS[method]
-                )
+                label = _label(results, scenario, method)
+                axes.step(x, 100.0 * share, where="post", color=colour, linestyle=stroke, label=label)
             _axes(axes, f"{scenario}: seeds below {100 * level:.0f} % success, %", "wall clock, s")
             axes.set_ylim(-3.0, 103.0)
         row[-1].legend(frameon=False, fontsize=7)
@@ -192,26 +197,29 @@ def methods_figure(results: Results) -> Figure:
         names = results.methods_of(scenario, METHODS)
         success = {name: results.values(scenario, name, guidance, "success") for name in names}
         hard = hard_worlds(results, scenario)
-        _intervals(row[0], {name: seed_iqm(success[name]) for name in names})
+        labels = {name: _label(results, scenario, name) for name in names}
+        _intervals(row[0], {name: seed_iqm(success[name]) for name in names}, labels)
         _axes(row[0], f"{scenario}: success on test tasks, IQM, %", "")
-        _intervals(row[1], {name: seed_mean(success_on(results, scenario, name, hard)) for name in names})
+        _intervals(
+            row[1], {name: seed_mean(success_on(results, scenario, name, hard)) for name in names}, labels
+        )
         _axes(row[1], f"{scenario}: success on the worst {100 * HARD_SHARE:.0f} % of worlds, %", "")
         rivals = [name for name in names if name != OURS] if OURS in names else []
         better = {name: probability_of_improvement(success[OURS], success[name]) for name in rivals}
-        _intervals(row[2], better)
+        _intervals(row[2], better, labels)
         row[2].axvline(50.0, color=EDGE, linewidth=1.0, linestyle=":")
         row[2].set_xlim(-3.0, 103.0)
         _axes(row[2], f"{scenario}: chance that a seed of ADRL beats it, %", "")
     return figure
 
 
-def _intervals(axes: Axes, values: Mapping[str, Interval]) -> None:
+def _intervals(axes: Axes, values: Mapping[str, Interval], labels: Mapping[str, str]) -> None:
     for place, (name, (estimate, low, high)) in enumerate(values.items()):
         colour, _ = _style(name)
         if np.isfinite(low):
             axes.plot([100.0 * low, 100.0 * high], [place, place], color=colour, linewidth=2.0)
         axes.plot(100.0 * estimate, place, "o", color=colour, markersize=5)
-    axes.set_yticks(range(len(values)), [LABELS[name] for name in values], fontsize=8)
+    axes.set_yticks(range(len(values)), [labels[name] for name in values], fontsize=8)
     axes.set_ylim(max(len(values), 1) - 0.4, -0.6)
 
 
@@ -244,21 +252,23 @@ def _band(
 
 def _route_panels(results: Results, scenario: str, guidance: str) -> list[RoutePanel]:
     """The same test tasks driven by the methods of Table I, the first seed of each."""
-    table = results.routes
-    rows = (table["scenario"] == scenario) & ((table["guidance"] == guidance) | (table["method"] == PLANNER))
-    if not (rows & (table["method"] != PLANNER)).any():
+    recorded = {
+        method: results.routes.get((scenario, method, "map" if method == PLANNER else guidance))
+        for method in (PLANNER, *RIVALS)
+    }
+    driven = {method: routes for method, routes in recorded.items() if routes is not None}
+    if not driven.keys() - {PLANNER}:
         return []
     about = results.about["scenarios"][scenario]
-    tasks = task_set(
-        get_scenario(scenario), load_robot(about["robot"]), about["split"], int(table["task"][rows].max()) + 1
-    )
+    count = max(int(routes["task"].max()) for routes in driven.values()) + 1
+    tasks = task_set(get_scenario(scenario), load_robot(about["robot"]), about["split"], count)
     panels = []
     for number, task in enumerate(tasks):
         lines, endings = {}, {}
-        for method in (PLANNER, *RIVALS):
-            chosen = rows & (table["method"] == method) & (table["task"] == number)
+        for method, routes in driven.items():
+            chosen = routes["task"] == number
             if chosen.any():
-                lines[LABELS[method]] = np.stack([table["x_m"][chosen], table["y_m"][chosen]], axis=1)
+                lines[LABELS[method]] = np.stack([routes["x_m"][chosen], routes["y_m"][chosen]], axis=1)
                 endings[LABELS[method]] = _ending(results, scenario, method, guidance, number)
         panels.append(
             RoutePanel(
