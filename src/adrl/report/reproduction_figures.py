@@ -1,5 +1,6 @@
 """The paper's figures from kept results, and beside each the one that matters more."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -7,9 +8,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import LineStyleType
 
-from adrl.evaluation.learning_time import steady_level
+from adrl.evaluation.learning_time import median_seconds_to_level
 from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
 from adrl.report.figures import EDGE, PALETTE, RoutePanel, blank_figure, line_style, routes_figure, save
 from adrl.report.reported import ABLATIONS, LABELS, METHODS, RIVALS
@@ -27,6 +30,11 @@ from adrl.report.reproduction_numbers import (
 from adrl.worlds import get_scenario, load_robot, task_set
 
 KINDS = ("png", "pdf")
+VALUE_COLUMNS = 4
+_VALUES: tuple[tuple[str, tuple[str, LineStyleType], str], ...] = (
+    ("q_start", (PALETTE[0], "-"), "promised"),
+    ("return_start", (PALETTE[1], "--"), "realised"),
+)
 POINTS = 60
 """Places along the x axis where curves of several seeds are averaged."""
 Curve = Mapping[str, Array]
@@ -46,7 +54,7 @@ def figures(results: Results) -> dict[str, Figure]:
     for scenario in results.scenarios:
         for guidance in results.about["scenarios"][scenario]["evaluated"]:
             if panels := _route_panels(results, scenario, guidance):
-                found[f"fig7-routes-{scenario}-{guidance}"] = routes_figure(panels)
+                found[f"fig7-routes-{scenario}-{guidance}"] = routes_figure(panels, styles=ROUTE_STYLES)
     return found
 
 
@@ -60,7 +68,7 @@ def write_figures(results: Results, folder: Path) -> list[Path]:
 
 
 def q_figure(results: Results, methods: Sequence[str]) -> Figure:
-    """Mean Q, Q from its start (0) to its steady level (1), and success, over training episodes; a row a scenario."""
+    """Mean Q, Q from its least value (0) to its greatest (1), and success, over training episodes; a row a scenario."""
     figure, grid = _grid(results, 3)
     for row, scenario in zip(grid, results.scenarios, strict=True):
         for method in results.methods_of(scenario, methods):
@@ -69,16 +77,25 @@ def q_figure(results: Results, methods: Sequence[str]) -> Figure:
             _band(row[0], curves, "episode", lambda curve: curve["q_mean"], style, label)
             _band(row[1], curves, "episode", _rescaled, style, label)
             _band(row[2], curves, "episode", _success, style, label)
-        titles = ("mean Q", "Q, 0 at its start, 1 at its steady level", "success in validation, %")
+        titles = ("mean Q", "mean Q, 0 its least, 1 its greatest value", "success in validation, %")
         for axes, title in zip(row, titles, strict=True):
             _axes(axes, f"{scenario}: {title}", "training episodes")
-        row[1].set_ylim(-0.5, 1.5)
-        row[0].legend(frameon=False, fontsize=7)
+        row[1].set_ylim(-0.03, 1.03)
+        row[2].set_ylim(-3.0, 103.0)
+        _legend_beside(row[2])
     return figure
 
 
 def _success(curve: Curve) -> Array:
     return 100.0 * curve["success"]
+
+
+BROWN = "#7A4E2D"
+ROUTE_STYLES: dict[str, tuple[str, LineStyleType]] = {
+    LABELS[PLANNER]: (BROWN, "-"),
+    **{LABELS[method]: line_style(METHODS.index(method)) for method in RIVALS},
+}
+"""Of the routes: a method's as in the other figures."""
 
 
 def _style(method: str) -> tuple[str, LineStyleType]:
@@ -96,8 +113,8 @@ def _rescaled(curve: Curve) -> Array:
     """Rewards differ between methods, and so do the scales of Q: only the shape is comparable."""
     values = curve["q_mean"]
     known = values[np.isfinite(values)]
-    span = steady_level(values) - known[0] if len(known) else np.nan
-    return (values - known[0]) / span if abs(span) > 1e-9 else np.full_like(values, np.nan)
+    span = np.ptp(known) if len(known) else 0.0
+    return (values - known.min()) / span if span > 1e-9 else np.full_like(values, np.nan)
 
 
 def convergence_figure(results: Results) -> Figure:
@@ -105,30 +122,31 @@ def convergence_figure(results: Results) -> Figure:
     figure, grid = _grid(results, 1 + len(LEVELS))
     for row, scenario in zip(grid, results.scenarios, strict=True):
         names = results.methods_of(scenario, METHODS)
-        _dots(row[0], names, [steady_episodes(results, scenario, name) for name in names])
+        episodes = [steady_episodes(results, scenario, name) for name in names]
+        longest = max((c["episode"][-1] for n in names for c in results.curves_of(scenario, n)), default=1.0)
+        budget = results.about["scenarios"][scenario]["steps"]
+        _dots(row[0], names, episodes, longest)
         _axes(row[0], f"{scenario}: episodes to steady-state mean Q", "training episodes")
         for axes, level in zip(row[1:], LEVELS, strict=True):
-            _dots(axes, names, [times_to(results, scenario, name, level, "env_steps") for name in names])
+            times = [times_to(results, scenario, name, level, "env_steps") for name in names]
+            _dots(axes, names, times, budget)
             _axes(axes, f"{scenario}: steps to {100 * level:.0f} % success", "environment steps")
     return figure
 
 
-def _dots(axes: Axes, names: Sequence[str], values: Sequence[Sequence[float]]) -> None:
-    """A dot a seed, a line at the median of those that got there, and how many did."""
+def _dots(axes: Axes, names: Sequence[str], values: Sequence[Sequence[float]], end: float) -> None:
+    """A dot a seed, a line at the median where it is finite, and how many got there; end: of the longest run."""
     labels = []
     for place, (name, column) in enumerate(zip(names, values, strict=True)):
         reached = [value for value in column if np.isfinite(value)]
         colour, _ = _style(name)
         axes.plot(reached, [place] * len(reached), "o", color=colour, markersize=4, alpha=0.7)
-        if 2 * len(reached) > len(column):
-            median = float(
-                np.sort([*reached, *[np.inf] * (len(column) - len(reached))])[(len(column) - 1) // 2]
-            )
+        if math.isfinite(median := median_seconds_to_level(column)):
             axes.plot([median] * 2, [place - 0.3, place + 0.3], color=colour, linewidth=2.0)
         labels.append(f"{LABELS[name]}  {len(reached)}/{len(column)}")
     axes.set_yticks(range(len(names)), labels, fontsize=8)
     axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.set_xlim(left=0.0)
+    axes.set_xlim(0.0, 1.04 * end)
 
 
 def success_figure(results: Results) -> Figure:
@@ -141,23 +159,30 @@ def success_figure(results: Results) -> Figure:
                 _band(axes, curves, column, _success, _style(method), _label(results, scenario, method))
         _axes(row[0], f"{scenario}: success in validation, %", "environment steps")
         _axes(row[1], f"{scenario}: success in validation, %", "wall clock, s")
-        row[0].legend(frameon=False, fontsize=7, loc="lower right")
+        for axes in row:
+            axes.set_ylim(-3.0, 103.0)
+        _legend_beside(row[-1])
     return figure
 
 
 def value_figure(results: Results) -> Figure:
     """What the critic promises from the validation starts (line) and the discounted return that came (dashed)."""
-    figure, grid = _grid(results, len(METHODS), width_in=2.6)
-    for row, scenario in zip(grid, results.scenarios, strict=True):
-        for axes, method in zip(row, METHODS, strict=True):
+    rows = math.ceil(len(METHODS) / VALUE_COLUMNS)
+    figure = blank_figure(3.2 * VALUE_COLUMNS, 2.5 * rows * len(results.scenarios))
+    grid = figure.subplots(rows * len(results.scenarios), VALUE_COLUMNS, squeeze=False)
+    for place, scenario in enumerate(results.scenarios):
+        cells = list(grid[rows * place : rows * (place + 1)].flat)
+        for axes, method in zip(cells, METHODS, strict=False):
             curves = results.curves_of(scenario, method)
-            _band(axes, curves, "env_steps", lambda curve: curve["q_start"], (PALETTE[0], "-"), "promised")
-            _band(
-                axes, curves, "env_steps", lambda curve: curve["return_start"], (PALETTE[1], "--"), "realised"
-            )
+            for column, stroke, label in _VALUES:
+                _band(axes, curves, "env_steps", lambda curve, column=column: curve[column], stroke, label)
             _axes(axes, f"{scenario}: {_label(results, scenario, method)}", "environment steps")
-            axes.tick_params(labelsize=7)
-        row[0].legend(frameon=False, fontsize=7)
+        for axes in cells[len(METHODS) :]:
+            axes.set_axis_off()
+    entries = [
+        Line2D([], [], color=colour, linestyle=stroke, label=label) for _, (colour, stroke), label in _VALUES
+    ]
+    figure.legend(handles=entries, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     return figure
 
 
@@ -175,7 +200,7 @@ def survival_figure(results: Results) -> Figure:
                 axes.step(x, 100.0 * share, where="post", color=colour, linestyle=stroke, label=label)
             _axes(axes, f"{scenario}: seeds below {100 * level:.0f} % success, %", "wall clock, s")
             axes.set_ylim(-3.0, 103.0)
-        row[-1].legend(frameon=False, fontsize=7)
+        _legend_beside(row[-1])
     return figure
 
 
@@ -208,7 +233,8 @@ def methods_figure(results: Results) -> Figure:
         better = {name: probability_of_improvement(success[OURS], success[name]) for name in rivals}
         _intervals(row[2], better, labels)
         row[2].axvline(50.0, color=EDGE, linewidth=1.0, linestyle=":")
-        row[2].set_xlim(-3.0, 103.0)
+        for axes in row:
+            axes.set_xlim(-3.0, 103.0)
         _axes(row[2], f"{scenario}: chance that a seed of ADRL beats it, %", "")
     return figure
 
@@ -231,17 +257,27 @@ def _band(
     style: tuple[str, LineStyleType],
     label: str,
 ) -> None:
-    """Mean over seeds with a 95 % bootstrap band, where every seed has a value."""
-    known = [(curve[x_column], of(curve)) for curve in curves]
-    known = [(x[np.isfinite(y)], y[np.isfinite(y)]) for x, y in known]
-    known = [(x, y) for x, y in known if len(x)]
+    """Mean over seeds with a 95 % bootstrap band, where every seed has a value.
+
+    Seeds are averaged at equal environment steps, x too: in wall clock or episodes the slow and the fast ones may have
+    no value in common.
+    """
+    known = [(curve, of(curve)) for curve in curves]
+    known = [
+        ({n: curve[n][np.isfinite(y)] for n in ("env_steps", x_column)}, y[np.isfinite(y)])
+        for curve, y in known
+    ]
+    known = [(curve, y) for curve, y in known if len(y)]
     if not known:
         return
-    first, last = max(x[0] for x, _ in known), min(x[-1] for x, _ in known)
+    first, last = (
+        choose(curve["env_steps"][end] for curve, _ in known) for choose, end in ((max, 0), (min, -1))
+    )
     if last < first:
         return
-    places = np.linspace(first, last, POINTS)
-    values = np.stack([np.interp(places, x, y) for x, y in known])  # (seeds, POINTS)
+    steps = np.linspace(first, last, POINTS)
+    places = np.mean([np.interp(steps, curve["env_steps"], curve[x_column]) for curve, _ in known], axis=0)
+    values = np.stack([np.interp(steps, curve["env_steps"], y) for curve, y in known])  # (seeds, POINTS)
     colour, stroke = style
     axes.plot(places, values.mean(axis=0), color=colour, linestyle=stroke, linewidth=1.6, label=label)
     if len(values) > 1:
@@ -299,8 +335,18 @@ def _grid(results: Results, columns: int, width_in: float = 4.2) -> tuple[Figure
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 
+def _legend_beside(axes: Axes) -> None:
+    """To the right, where no curve is."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(handles, labels, frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+
+
 def _axes(axes: Axes, title: str, x_label: str) -> None:
     axes.set_title(title, loc="left", fontsize=9)
+    axes.xaxis.set_major_locator(MaxNLocator(5))
+    if x_label == "environment steps":
+        axes.xaxis.set_major_formatter(lambda steps, _: f"{steps / 1000:g}k" if steps else "0")
     axes.set_xlabel(x_label, fontsize=8)
     axes.grid(color="#E4E6EA", linewidth=0.8)
     axes.spines[["top", "right"]].set_visible(False)
