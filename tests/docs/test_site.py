@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser
+from playwright.sync_api import Browser, Request, Response
 
 pytestmark = [pytest.mark.slow, pytest.mark.integration]
 
@@ -21,7 +21,7 @@ PATIENCE_MS = 120_000
 
 
 class QuietHandler(SimpleHTTPRequestHandler):
-    def log_message(self, *_: Any) -> None:
+    def log_message(self, format: str, *args: Any) -> None:
         pass
 
 
@@ -55,10 +55,17 @@ def test_every_page_is_complete_in_itself(
     page = browser.new_page(viewport={"width": size[0], "height": size[1]})
     page.set_default_timeout(PATIENCE_MS)
     faults: list[str] = []
-    page.on(
-        "request", lambda request: request.url.startswith((address, "data:")) or faults.append(request.url)
-    )
-    page.on("response", lambda answer: answer.status < 400 or faults.append(f"{answer.status} {answer.url}"))
+
+    def asked(request: Request) -> None:
+        if not request.url.startswith((address, "data:")):
+            faults.append(request.url)
+
+    def answered(response: Response) -> None:
+        if response.status >= 400:
+            faults.append(f"{response.status} {response.url}")
+
+    page.on("request", asked)
+    page.on("response", answered)
     page.on("pageerror", lambda error: faults.append(str(error)))
     found = {}
     for name in pages:

@@ -52,7 +52,8 @@ def write_report(folder: Path) -> list[Path]:
         "",
     ]
     lines += ["## Figures", "", *_figure_lines(results)]
-    files.atomic_write_text(folder / PAGE_FILE, "\n".join(lines))
+    # The star of A*: two of them in a line would set what is between them in italics.
+    files.atomic_write_text(folder / PAGE_FILE, "\n".join(lines).replace("*", r"\*"))
     return [folder / TABLES_FILE, folder / PAGE_FILE, *write_figures(results, folder)]
 
 
