@@ -20,7 +20,7 @@ MATH = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.+?)\\[)\]]</\1>', re
 
 
 def on_config(config: Any) -> None:
-    """Put the pages of a folder where the navigation says `folder/*`, but those it names itself."""
+    """Put the pages of a folder, and those of its folders, where the navigation says `folder/*`, but those it names."""
     named = set(_pages(config.nav))
     config.nav = [entry for given in config.nav for entry in _expanded(given, Path(config.docs_dir), named)]
 
@@ -61,7 +61,8 @@ def _expanded(entry: Any, docs: Path, named: set[str]) -> list[Any]:
         ]
     if not entry.endswith("/*"):
         return [entry]
-    found = sorted(path.relative_to(docs).as_posix() for path in docs.glob(entry + ".md"))
+    paths = [*docs.glob(entry + ".md"), *docs.glob(entry + "/README.md")]
+    found = sorted(path.relative_to(docs).as_posix() for path in paths)
     return [page for page in found if page not in named]
 
 

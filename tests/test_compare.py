@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -123,7 +124,7 @@ def fake_runs(method: str, successes: list[float], seconds: list[float]) -> list
     summary |= {"distance_m": None, "time_s": 4.0, "optimality": 1.1}
     summary |= {"train_seconds": 60.0, "env_steps": 10, "gradient_updates": 20}
     return [
-        Run(method, seed, summary | {"success": success}, to_90)
+        Run(method, seed, summary | {"success": success}, to_90, {})
         for seed, (success, to_90) in enumerate(zip(successes, seconds, strict=True))
     ]
 
@@ -210,6 +211,16 @@ def test_a_killed_comparison_goes_on_without_repeating_anything(
     error = capsys.readouterr().err
     assert "episodes: 6 there, 5 here" in error
     assert contents(out) == whole, "a refusal touches nothing"
+    check_results(out)
+    assert json.loads((out / "results.json").read_text())["missing"] == []
+
+    # On another machine: the small files alone, without the training runs.
+    for folder in ("runs", "logs", "td3-s1"):
+        shutil.rmtree(out / folder)
+    kept = {path: contents(path) for path in out.glob("*/") if (path / "summary.json").exists()}
+    assert run_cli("compare", *options) == 0
+    assert [path.name for path in (out / "runs").iterdir()] == ["td3-s1"], "nothing else was trained"
+    assert {path: contents(path) for path in kept} == kept
     check_results(out)
     assert json.loads((out / "results.json").read_text())["missing"] == []
 

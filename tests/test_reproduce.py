@@ -1,6 +1,7 @@
 """adrl reproduce: real runs of seconds, kept results, and nothing done twice."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,13 +10,16 @@ import pytest
 
 from adrl.agents.config import Td3Config, TrainConfig
 from adrl.baselines.tuned import TUNED
+from adrl.commands import reproduce as commands
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.reproduce import preset, reproduce
+from adrl.errors import ConfigError
 from adrl.report import reproduction as kept
 from adrl.report.reported import METHODS
 from adrl.report.reproduction_tables import write_report
 from small_run import contents, run_cli
 
+DATA = (".parquet", "run.json")
 LEARNER = TrainConfig(
     steps=2048,
     start_steps=512,
@@ -92,9 +96,45 @@ def test_what_is_kept_is_what_was_run(tmp_path: Path) -> None:
     write_report(out)
     assert (out / "fig7-routes-complex-replan.pdf").exists()
 
-    before = {scenario: contents(tmp_path / scenario / "adrl-s0") for scenario in comparisons}
+    before = contents(out)
     tables = (out / "tables.json").read_bytes()
     reproduce(comparisons, tmp_path, out, name="quick")
     write_report(out)
-    assert {scenario: contents(tmp_path / scenario / "adrl-s0") for scenario in comparisons} == before
+    after = contents(out)
+    assert {path: after[path] for path in before if path.endswith(DATA)} == {
+        path: before[path] for path in before if path.endswith(DATA)
+    }
     assert (out / "tables.json").read_bytes() == tables, "equal results, equal tables"
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_the_kept_files_alone_suffice_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On another machine, without the folder of the runs, only what is missing is run, and the tables are whole."""
+    results, (first, second) = tmp_path / "results", (tmp_path / "first", tmp_path / "second")
+    one = tiny("clutter", "td3,sb3-ppo")
+    two = replace(one, seeds=2)
+    monkeypatch.setattr(commands, "preset", lambda _: {"clutter": two})
+    assert run_cli("reproduce", "--quick", "--results", results, "--tables-only") == 2, "nothing has ended"
+
+    assert reproduce({"clutter": one}, first, results, name="quick") == {}
+    shutil.rmtree(first)
+    ended = {job: contents(results / "clutter" / job) for job in ("astar-dwa", "td3-s0", "sb3-ppo-s0")}
+
+    assert run_cli("reproduce", "--quick", "--out", second, "--results", results) == 0
+    assert {path.parent.name for path in second.glob("clutter/*/summary.json")} == {"td3-s1", "sb3-ppo-s1"}
+    assert {job: contents(results / "clutter" / job) for job in ended} == ended
+    whole = kept.load(results)
+    assert whole.missing == {"clutter": []}
+    assert [whole.seeds("clutter", method) for method in ("td3", "sb3-ppo")] == [2, 2]
+    assert "not in it yet" not in (results / "README.md").read_text()
+
+    page = (results / "README.md").read_bytes()
+    shutil.rmtree(second)
+    (results / "README.md").unlink()
+    assert run_cli("reproduce", "--quick", "--out", second, "--results", results, "--tables-only") == 0
+    assert (results / "README.md").read_bytes() == page
+    assert not second.exists(), "nothing was run"
+    other = {"clutter": replace(two, episodes=5)}
+    with pytest.raises(ConfigError, match="episodes: 4 there, 5 here"):
+        reproduce(other, second, results, name="quick")

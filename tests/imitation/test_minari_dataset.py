@@ -138,6 +138,15 @@ def record_elsewhere(folder: Path, infos: bool, episodes: int = 2) -> Path:
     return folder / "ours" / "elsewhere-v0"
 
 
+def test_a_relative_path_is_of_the_working_folder(
+    recorded: Demonstrations, env: NavVectorEnv, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    save_minari(recorded, "demos", Source.of(env))
+    assert [path.name for path in tmp_path.iterdir()] == ["demos"]
+    np.testing.assert_array_equal(load_minari("demos").action, recorded.action)
+
+
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_minaris_own_recorder_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It records no expert: what was done is the label. Infos of reset() come first and are left out."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect
 
 from map_files import write_map
 from small_run import finished_run, run_cli
@@ -46,16 +46,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert run_cli("evaluate", "--policy", folder, "--map", place, "--episodes", 12, "--out", out) == 0
     assert run_cli("report", folder) == 0
     return folder
-
-
-@pytest.fixture(scope="module")
-def browser(chromium: str) -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        # A container's root has no sandbox; the page is our own.
-        arguments = ["--no-sandbox"]
-        browser = playwright.chromium.launch(executable_path=chromium, args=arguments, timeout=PATIENCE_MS)
-        yield browser
-        browser.close()
 
 
 def opened(browser: Browser, path: Path, size: tuple[int, int] = DESK, **options: Any) -> Opened:

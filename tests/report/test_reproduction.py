@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,14 @@ import pyarrow as pa
 import pytest
 
 from adrl.errors import CheckpointError
-from adrl.evaluation.results import write_table
+from adrl.evaluation.results import read_table, write_table
 from adrl.report import reproduction as kept
 from adrl.report.reported import ABLATIONS, LABELS, METHODS, RIVALS, TABLE_I
-from adrl.report.reproduction_figures import survival
+from adrl.report.reproduction_figures import figures, q_figure, survival
 from adrl.report.reproduction_numbers import (
     Claim,
+    beside_planner,
     claims,
-    common_means,
     hard_worlds,
     oscillation,
     steady_episodes,
@@ -43,50 +44,58 @@ def solves(method: str, seed: int, task: int) -> bool:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Results as adrl.comparison.reproduce keeps them: two methods' worth of variety, one scenario."""
-    out = tmp_path_factory.mktemp("results")
-    runs, curves, episodes, routes = [], [], [], []
-    parties = [("astar-dwa", kept.NO_SEED, "map")]
-    parties += [(m, s, g) for m in METHODS for s in range(SEEDS) for g in ("goal", "replan")]
-    for method, seed, guidance in parties:
+    return keep_all(tmp_path_factory.mktemp("results"))
+
+
+def keep_all(out: Path, seeds: dict[str, int] | None = None) -> Path:
+    """seeds: how many of a method have ended; SEEDS of those that are not named."""
+    ended = {"astar-dwa": (kept.NO_SEED,)} | {m: tuple(range((seeds or {}).get(m, SEEDS))) for m in METHODS}
+    for method, numbers in ended.items():
+        for seed in numbers:
+            keep_job(out / "clutter" / job_name(method, seed), method, seed)
+    about: dict[str, Any] = {"title": "scenario clutter", "guidance": "goal", "evaluated": ["goal", "replan"]}
+    about |= {"steps": 1000, "seeds": SEEDS, "episodes": TASKS, "split": "test", "robot": "diffbot"}
+    about["jobs"] = ["astar-dwa", *(job_name(m, s) for m in METHODS for s in range(SEEDS))]
+    head = {"schema_version": 2, "preset": "quick"}
+    (out / "about.json").write_text(json.dumps(head | {"scenarios": {"clutter": about}}))
+    return out
+
+
+def job_name(method: str, seed: int) -> str:
+    return method if method == "astar-dwa" else f"{method}-s{seed}"
+
+
+def keep_job(folder: Path, method: str, seed: int) -> None:
+    evaluations, episodes, routes = [], [], []
+    for guidance in ("map",) if method == "astar-dwa" else ("goal", "replan"):
         ends = [solves(method, seed, task) for task in range(TASKS)]
         time_s = 40.0 if method == "astar-dwa" else 30.0 + METHODS.index(method)
         for task, end in enumerate(ends):
-            row = {"scenario": "clutter", "method": method, "seed": seed, "guidance": guidance, "task": task}
+            row = {"guidance": guidance, "task": task}
             row |= {"success": end, "collision": not end and task == 1, "distance_m": 20.0 + task}
             episodes.append(row | {"time_s": time_s, "shortest_m": 20.0})
         metrics = {"success": float(np.mean(ends)), "collision": 0.1, "timeout": 0.1, "distance_m": 21.0}
         metrics |= {"time_s": time_s, "optimality": 1.05, "spl": 0.9, "train_seconds": 60.0}
         metrics |= {"env_steps": 1000.0, "gradient_updates": 50.0}
-        whose = {"scenario": "clutter", "method": method, "guidance": guidance}
-        runs.append(whose | {"seed": None if method == "astar-dwa" else seed} | metrics)
-        if seed <= 0:
-            routes += [whose | {"seed": seed, "task": 0, "x_m": 1.0 + i, "y_m": 2.0} for i in range(3)]
-        if guidance == "goal":
-            curves += [curve_row(method, seed, i) for i in range(ROWS)]
-    for name, rows in (("curves", curves), ("episodes", episodes), ("routes", routes)):
-        write_table(out / f"{name}.parquet", pa.Table.from_pylist(rows))
-    (out / "runs.json").write_text(json.dumps({"schema_version": 1, "runs": runs}))
-    about: dict[str, Any] = {"title": "scenario clutter", "guidance": "goal", "evaluated": ["goal", "replan"]}
-    about |= {
-        "steps": 1000,
-        "seeds": SEEDS,
-        "episodes": TASKS,
-        "split": "test",
-        "robot": "diffbot",
-        "missing": [],
-    }
-    head = {"schema_version": 1, "preset": "quick", "train_seconds": 120.0}
-    (out / "about.json").write_text(json.dumps(head | {"scenarios": {"clutter": about}}))
-    return out
+        evaluations.append({"guidance": guidance} | metrics)
+        routes += [{"guidance": guidance, "task": 0, "x_m": 1.0 + i, "y_m": 2.0} for i in range(3)]
+    write_table(folder / "episodes.parquet", pa.Table.from_pylist(episodes))
+    if seed <= 0:
+        write_table(folder / "routes.parquet", pa.Table.from_pylist(routes))
+    if method != "astar-dwa":
+        curve = [curve_row(method, i) for i in range(ROWS)]
+        write_table(folder / "curve.parquet", pa.Table.from_pylist(curve))
+    whose = {"method": method, "seed": None if method == "astar-dwa" else seed}
+    (folder / "run.json").write_text(json.dumps(whose | {"evaluations": evaluations}))
 
 
-def curve_row(method: str, seed: int, row: int) -> dict[str, Any]:
+def curve_row(method: str, row: int) -> dict[str, Any]:
     """Q rises by 1 a row up to row 10 and stays; success is 0, then 1."""
     numbers = dict.fromkeys(kept.CURVE_COLUMNS, 0.0)
     numbers |= {"wall_s": row + 1.0, "env_steps": 50.0 * (row + 1), "episode": 10.0 * row, "S": math.nan}
     numbers |= {"q_mean": min(row, 10) * (2.0 if method == "adrl" else 1.0)}
     numbers |= {"success": float(row >= GOOD_FROM.get(method, 7))}
-    return {"scenario": "clutter", "method": method, "seed": seed} | numbers
+    return numbers
 
 
 @pytest.fixture(scope="module")
@@ -122,13 +131,31 @@ def test_hard_worlds_are_those_that_nobody_solves(results: kept.Results) -> None
     assert success_on(results, "clutter", "adrl", np.array([2, 3])) == [0.5, 0.5]
 
 
-def test_common_tasks_are_solved_by_all_and_by_the_planner(results: kept.Results) -> None:
-    common = [np.mean([20 + t for t in range(2, TASKS) if t != 2 + s]) for s in range(SEEDS)]
-    for method in ("adrl", "astar-dwa"):
-        means = common_means(results, "clutter", method, "goal")
-        assert means["distance_common_m"] == pytest.approx(np.mean(common))
-        assert means["common_tasks"] == TASKS - 3
-    assert common_means(results, "clutter", "astar-dwa", "goal")["time_common_s"] == 40.0
+def test_a_method_and_the_planner_are_compared_on_the_tasks_that_both_reached(results: kept.Results) -> None:
+    """The planner also reached tasks 1 and 2 + s, which seed s did not: they are in its row and not beside a method."""
+    common = np.mean([np.mean([20 + t for t in range(2, TASKS) if t != 2 + s]) for s in range(SEEDS)])
+    means = beside_planner(results, "clutter", "td3bc", "goal")
+    assert means["common_tasks"] == TASKS - 3
+    for whose in ("", "reference_"):
+        assert means[f"{whose}distance_m_common"] == pytest.approx(common)
+        assert means[f"{whose}optimality_common"] == pytest.approx(common / 20.0)
+    assert means["time_s_common"] == 30.0 + METHODS.index("td3bc")
+    assert means["reference_time_s_common"] == 40.0
+
+
+def test_a_mean_over_easy_tasks_is_no_lead(tmp_path: Path) -> None:
+    """A method that drives the planner's very routes but fails the long ones has shorter means and no better share."""
+    folder = keep_all(tmp_path)
+    for seed in range(SEEDS):
+        path = folder / "clutter" / f"adrl-s{seed}" / "episodes.parquet"
+        rows = read_table(path).to_pylist()
+        for row in rows:
+            row |= {"success": 3 < row["task"] < 10, "time_s": 40.0}
+        write_table(path, pa.Table.from_pylist(rows))
+    verdicts = {(c.where, c.text): c for c in claims(kept.load(folder))}
+    fastest = verdicts["Table I, clutter, guidance goal", "ADRL has the shortest navigation time"]
+    assert fastest.values["adrl"] == fastest.values["astar-dwa"] == 1.0
+    assert fastest.holds is False
 
 
 def test_table_rows(results: kept.Results) -> None:
@@ -204,10 +231,9 @@ def test_the_report_holds_every_figure_and_the_papers_numbers(folder: Path) -> N
     page = (folder / "README.md").read_text()
     assert all(f"({name}.png)" in page for name in names)
     for name, row in TABLE_I.items():
-        assert (
-            f"| {LABELS[name]} | {row['distance_m']:.2f} | {row['time_s']:.2f} | {row['success']:.2f} |"
-            in page
-        )
+        label = LABELS[name].replace("*", r"\*")
+        numbers = (row["distance_m"], row["time_s"], row["success"], row["optimality"])
+        assert f"| {label} | {' | '.join(f'{number:.2f}' for number in numbers)} |" in page
     assert "value estimate" in page
     tables = json.loads((folder / "tables.json").read_text())
     assert tables["paper"]["rows"] == TABLE_I
@@ -220,12 +246,39 @@ def test_the_methods_are_the_papers() -> None:
     assert set(LABELS) == {*METHODS, "astar-dwa"}
 
 
+@pytest.mark.slow
+def test_a_part_of_the_seeds_makes_tables_and_figures_that_say_so(tmp_path: Path) -> None:
+    folder = keep_all(tmp_path, {"adrl": 1, "sb3-ppo": 0})
+    results = kept.load(folder)
+    assert results.missing == {"clutter": ["adrl-s1", "sb3-ppo-s0", "sb3-ppo-s1"]}
+    seeds = {row["method"]: row["seeds"] for row in table_rows(results, "clutter")}
+    assert (seeds["adrl"], seeds["td3bc"]) == (1, SEEDS)
+    assert "sb3-ppo" not in seeds
+    write_report(folder)
+    page = (folder / "README.md").read_text()
+    assert "3 of 15 runs are not in it yet: adrl-s1, sb3-ppo-s0, sb3-ppo-s1." in page
+    assert "| ADRL | without replanner | 1 |" in page
+    assert "| TD3+BC | without replanner | 2 |" in page
+    labels = q_figure(results, RIVALS).axes[0].get_legend_handles_labels()[1]
+    assert labels == ["ADRL, 1 of 2 seeds", "TD3+BC", "SAC"]
+
+
+@pytest.mark.parametrize("ended", ["planner", "one method"])
+def test_the_first_jobs_alone_make_tables_and_figures(tmp_path: Path, ended: str) -> None:
+    folder = keep_all(tmp_path, dict.fromkeys(METHODS, 0) | ({"td3": 1} if ended == "one method" else {}))
+    results = kept.load(folder)
+    assert figures(results)
+    assert all(claim.holds is None or ended == "one method" for claim in claims(results))
+    assert [row["method"] for row in table_rows(results, "clutter")] == ["astar-dwa"]
+
+
 def test_missing_and_broken_files_are_named(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(CheckpointError, match=r"about\.json: no such file"):
         kept.load(tmp_path)
-    for path in folder.iterdir():
-        if path.suffix in (".json", ".parquet"):
-            (tmp_path / path.name).write_bytes(path.read_bytes())
-    (tmp_path / "curves.parquet").write_bytes(b"PAR1")
-    with pytest.raises(CheckpointError, match=r"curves\.parquet: not a readable"):
+    shutil.copy(folder / "about.json", tmp_path)
+    with pytest.raises(CheckpointError, match="no job has ended yet"):
+        kept.load(tmp_path)
+    shutil.copytree(folder / "clutter" / "td3-s0", tmp_path / "clutter" / "td3-s0")
+    (tmp_path / "clutter" / "td3-s0" / "curve.parquet").write_bytes(b"PAR1")
+    with pytest.raises(CheckpointError, match=r"curve\.parquet: not a readable"):
         kept.load(tmp_path)

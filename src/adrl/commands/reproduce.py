@@ -22,10 +22,12 @@ class ReproduceOptions:
     full: bool = False
     """10 seeds of every method in both scenarios, up to 3 hours on 2 cores."""
     out: Path | None = None
-    """Folder of the runs; runs/reproduce-quick or -full when left out. The same command again goes on where it was
-    stopped."""
+    """Folder of the runs; runs/reproduce-quick or -full when left out."""
     results: Path | None = None
-    """Folder of the figures, the tables and the small files that they are made from; OUT/results when left out."""
+    """Folder of the figures, the tables and the small files that they are made from; OUT/results when left out. With
+    these files alone, OUT gone, the same command does what is missing."""
+    tables_only: bool = False
+    """Run nothing: figures and tables of the jobs that have ended so far."""
     workers: int = 0
     """Processes, each on a core of its own; 0 takes one for every usable core."""
     ray: str | None = None
@@ -52,8 +54,10 @@ def main(arguments: Sequence[str]) -> int:
         scenario: replace(config, workers=options.workers, ray=options.ray)
         for scenario, config in preset(name).items()
     }
-    with job_bar("reproducing") as show:
-        failed = reproduce(comparisons, out, results, name=name, on_change=show)
+    failed: dict[str, Path] = {}
+    if not options.tables_only:
+        with job_bar("reproducing") as show:
+            failed = reproduce(comparisons, out, results, name=name, on_change=show)
     for job, log in failed.items():
         console().print(f"failed: {job}, see {log}", style="red")
     write_report(results)

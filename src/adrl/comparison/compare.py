@@ -1,7 +1,7 @@
 """The comparison from nothing, or from where it was stopped, to its tables."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Container
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,12 +30,18 @@ class Comparison:
     """Jobs whose process failed: name -> its log."""
 
 
-def compare(config: CompareConfig, on_change: Callable[[int, int, int], None] | None = None) -> Comparison:
+def compare(
+    config: CompareConfig,
+    on_change: Callable[[int, int, int], None] | None = None,
+    elsewhere: Container[Job] = (),
+) -> Comparison:
     """Train and evaluate every method with every seed that is not done yet, and write the tables.
 
-    on_change(done, running, total) is told the progress. Leaves in config.out: a folder METHOD-sSEED with each result,
-    episodes.parquet, results.json, table.md, and the training runs in runs/. Raises AdrlError, before any work, for
-    settings that cannot be or that differ from those of the results in the folder.
+    on_change(done, running, total) is told the progress. elsewhere: jobs that are not run, for their results are
+    kept in another place; they are not in the tables either. Leaves in config.out: settings.json and a folder
+    METHOD-sSEED with each result, which suffice to go on; episodes.parquet, results.json, table.md; the training runs
+    in runs/. Raises AdrlError, before any work, for settings that cannot be or that differ from those of the results in
+    the folder.
     """
     if config.learner.steps is None and config.learner.max_seconds is None:
         raise ConfigError("every run needs an end; give --steps or --max-seconds")
@@ -45,9 +51,9 @@ def compare(config: CompareConfig, on_change: Callable[[int, int, int], None] | 
         require_ray()
     for method in config.method_names:
         config.run(method, config.learner.seed, config.out)
-    _claim(config)
+    claim(config, config.out)
     jobs = all_jobs(config)
-    waiting = [job for job in jobs if not is_finished(config, job)]
+    waiting = [job for job in jobs if job not in elsewhere and not is_finished(config, job)]
     done = len(jobs) - len(waiting)
 
     def tell(ended: int, running: int) -> None:
@@ -61,32 +67,32 @@ def compare(config: CompareConfig, on_change: Callable[[int, int, int], None] | 
     return Comparison(rows, {job.name: log_path(config, job) for job in failed})
 
 
-def _claim(config: CompareConfig) -> None:
-    """Write what this folder's results share, and what its methods are; methods may be added.
+def claim(config: CompareConfig, folder: Path) -> None:
+    """Write what a folder's results share, and what its methods are; methods may be added.
 
     Raises ConfigError where it has results of something else.
     """
-    path, settings, methods = config.out / SETTINGS_FILE, config.settings(), config.method_settings()
+    path, settings, methods = folder / SETTINGS_FILE, config.settings(), config.method_settings()
     known: dict[str, Any] = {}
     if path.exists():
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             found, known = content["settings"], dict(content["methods"])
         except (ValueError, KeyError, TypeError):
-            raise CheckpointError(f"{path}: not the settings of a comparison; give another --out") from None
+            raise CheckpointError(f"{path}: not the settings of a comparison; give another folder") from None
         if lines := differences(found, settings):
             raise ConfigError(
-                f"{config.out} holds results of other settings ({'; '.join(lines)}); "
-                "give another --out, or the settings of before"
+                f"{folder} holds results of other settings ({'; '.join(lines)}); "
+                "give another folder, or the settings of before"
             )
         asked_again = {name: methods[name] for name in known.keys() & methods.keys()}
         if lines := differences(known, known | asked_again):
             raise ConfigError(
-                f"{config.out} holds results of methods that are others today ({'; '.join(lines)}); "
-                "give another --out, or the version of before"
+                f"{folder} holds results of methods that are others today ({'; '.join(lines)}); "
+                "give another folder, or the version of before"
             )
-    elif config.out.is_dir() and any(config.out.iterdir()):
-        raise ConfigError(f"{config.out} holds files of something else; give another --out")
+    elif folder.is_dir() and any(folder.iterdir()):
+        raise ConfigError(f"{folder} holds files of something else; give another one")
     if methods.keys() - known.keys():
         content = {"schema_version": SCHEMA_VERSION, "settings": settings, "methods": known | methods}
         files.write_json(path, content)

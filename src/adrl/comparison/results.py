@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from adrl import api
 from adrl.agents.metrics import METRICS_FILE
-from adrl.comparison.jobs import RESULT_FILE
+from adrl.comparison.jobs import EPISODES_FILE, RESULT_FILE
 from adrl.errors import CheckpointError
 from adrl.evaluation.learning_time import median_seconds_to_level, seconds_to_level
+from adrl.evaluation.metrics import COMMON, means_on_common_tasks
+from adrl.evaluation.results import read_table
 from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
 from adrl.report.metrics_log import read_metrics
 
@@ -36,22 +39,42 @@ class Run:
     summary: dict[str, Any]
     seconds_to_90: float
     """Infinite where it never happened, NaN where nothing was evaluated in training."""
+    beside_planner: dict[str, float]
+    """means_on_common_tasks with the planner as the reference; empty without one, and for the planner."""
 
 
 def read_runs(folders: Sequence[Path]) -> list[Run]:
     """The evaluations in result folders METHOD-sSEED. Raises CheckpointError naming a malformed file."""
     runs = []
+    planners = [_outcomes(folder) for folder in folders if folder.name == api.PLANNER]
+    planner = next(iter(planners[0].values())) if planners else None
     for folder in folders:
         path = folder / RESULT_FILE
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-            seconds = math.nan if content["seed"] is None else _seconds_to_90(folder / METRICS_FILE)
-            runs += [Run(content["method"], content["seed"], s, seconds) for s in content["evaluations"]]
+            method, seed = content["method"], content["seed"]
+            seconds = math.nan if seed is None else _seconds_to_90(folder / METRICS_FILE)
+            outcomes = {} if seed is None or planner is None else _outcomes(folder)
+            for summary in content["evaluations"]:
+                own = outcomes.get(summary["guidance"])
+                beside = {} if own is None or planner is None else means_on_common_tasks(own, planner)
+                runs.append(Run(method, seed, summary, seconds, beside))
         except (ValueError, KeyError, TypeError) as error:
             raise CheckpointError(
                 f"{path}: not a result of adrl compare ({error!r}); delete it and run again"
             ) from None
     return runs
+
+
+def _outcomes(folder: Path) -> dict[str, dict[str, Any]]:
+    """Guidance -> columns of the episodes."""
+    table = read_table(folder / EPISODES_FILE)
+    columns = {name: table.column(name).to_numpy() for name in table.column_names}
+    guidance = columns["guidance"]
+    return {
+        str(name): {key: column[guidance == name] for key, column in columns.items()}
+        for name in dict.fromkeys(guidance.tolist())
+    }
 
 
 def _seconds_to_90(path: Path) -> float:
@@ -66,8 +89,8 @@ def method_rows(runs: Sequence[Run]) -> list[Row]:
 
     Rates, means over seeds with a stratified bootstrap interval `_low`, `_high`; `success_iqm`, `success_worst`;
     `seconds_to_90` the median over seeds, None where it is infinite or nothing was evaluated in training, and how many
-    seeds got there; `improvement`: the probability that a seed of ours beats one of this method. The planner has no
-    seeds: its intervals are over episodes.
+    seeds got there; `improvement`: the probability that a seed of ours beats one of this method; the keys of
+    means_on_common_tasks, with the planner as the reference. The planner has no seeds: its intervals are over episodes.
     """
     groups: dict[tuple[str, str], list[Run]] = {}
     for run in runs:
@@ -97,6 +120,9 @@ def _method_row(group: list[Run], ours: list[Run] | None) -> Row:
         (math.nan,) * 3 if ours is None else probability_of_improvement(_column(ours, "success"), success)
     )
     row |= _entry("improvement", Interval(*improvement))
+    known = [run.beside_planner for run in group if run.beside_planner.get("common_tasks")]
+    for name in COMMON:
+        row[name] = float(np.mean([entry[name] for entry in known])) if known else None
     for name in TRAINING:
         row[name] = float(np.mean([run.summary[name] for run in group]))
     return row
@@ -106,7 +132,7 @@ def _reference_row(run: Run) -> Row:
     summary = run.summary
     row: Row = {"method": run.method, "guidance": summary["guidance"], "seeds": None}
     row |= {name + end: summary[name + end] for name in MEANS for end in ("", "_low", "_high")}
-    nothing = ("seconds_to_90", "seeds_to_90", "success_worst", *TRAINING)
+    nothing = ("seconds_to_90", "seeds_to_90", "success_worst", *TRAINING, *COMMON)
     return row | dict.fromkeys(nothing) | _entry("success_iqm", None) | _entry("improvement", None)
 
 
@@ -131,6 +157,8 @@ class _Column:
     decimals: int
     scale: float = 1.0
     interval: bool = False
+    beside: bool = False
+    """Whether it is also told as a share of the planner's."""
 
 
 _COLUMNS = (
@@ -139,9 +167,9 @@ _COLUMNS = (
     _Column("worst %", "success_worst", 1, 100.0),
     _Column("coll. %", "collision", 1, 100.0),
     _Column("time out %", "timeout", 1, 100.0),
-    _Column("Av.D m", "distance_m", 1),
-    _Column("Av.T s", "time_s", 1),
-    _Column("opt.", "optimality", 2),
+    _Column("Av.D m", "distance_m", 1, beside=True),
+    _Column("Av.T s", "time_s", 1, beside=True),
+    _Column("opt.", "optimality", 2, beside=True),
     _Column("SPL", "spl", 2),
     _Column("90 % s", "seconds_to_90", 1),
     _Column("adrl better %", "improvement", 0, 100.0, True),
@@ -149,7 +177,8 @@ _COLUMNS = (
 CAPTION = (
     "success: mean over training seeds with its 95 % interval (over episodes for a planner); 90 %: wall clock of "
     "training until two validations in a row reach 90 %, median over seeds; adrl better: chance that a seed of adrl "
-    "beats one of the method; Av.D, Av.T and opt. (path / shortest path) over successes"
+    "beats one of the method; Av.D, Av.T and opt. (path / shortest path) over each method's own successes, x: as a "
+    "share of the planner's, over the tasks that both reached"
 )
 
 
@@ -163,6 +192,9 @@ def _cell(row: Row, column: _Column) -> tuple[str, str]:
     if value is None:
         never = column.metric == "seconds_to_90" and row["seeds_to_90"] is not None
         return (">budget" if never else "-"), ""
+    if column.beside:
+        own, planners = (row[f"{whose}{column.metric}_common"] for whose in ("", "reference_"))
+        return number(value), f"x {own / planners:.2f}" if own is not None and planners else ""
     low, high = row.get(f"{column.metric}_low"), row.get(f"{column.metric}_high")
     if not column.interval or low is None or high is None:
         return number(value), ""

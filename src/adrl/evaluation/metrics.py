@@ -1,8 +1,8 @@
 """What one evaluation measured, episode by episode, and the field's metrics of it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -159,6 +159,12 @@ RATES = ("success", "collision", "timeout")
 OVER_SUCCESSES = ("distance_m", "time_s", "optimality")
 """Metrics that exist only where the goal was reached."""
 
+COMMON = (
+    "common_tasks",
+    *(f"{whose}{name}_common" for name in OVER_SUCCESSES for whose in ("", "reference_")),
+)
+"""Keys of means_on_common_tasks."""
+
 
 def rate(episodes: Episodes, ending: str) -> float:
     """Fraction of the episodes with this ending, one of RATES. NaN for no episodes."""
@@ -225,6 +231,31 @@ def solved_by_all(several: Sequence[Episodes]) -> list[Episodes]:
     paired = on_common_tasks(several)
     solved = np.logical_and.reduce([episodes.success for episodes in paired])
     return [episodes.select(solved) for episodes in paired]
+
+
+def means_on_common_tasks(
+    policy: Mapping[str, NDArray[Any]], reference: Mapping[str, NDArray[Any]]
+) -> dict[str, float]:
+    """Av.D, Av.T and optimality of a policy and of a reference over the tasks that both solved.
+
+    policy, reference: columns task, success, distance_m, time_s and shortest_m of their episodes, one a task. Each of
+    OVER_SUCCESSES comes as NAME_common and reference_NAME_common, NaN without such a task; common_tasks: how many.
+    """
+    solved = [np.flatnonzero(columns["success"]) for columns in (policy, reference)]
+    tasks, first, second = np.intersect1d(
+        policy["task"][solved[0]], reference["task"][solved[1]], return_indices=True
+    )
+    means: dict[str, float] = {"common_tasks": len(tasks)}
+    for prefix, columns, rows in (
+        ("", policy, solved[0][first]),
+        ("reference_", reference, solved[1][second]),
+    ):
+        distance, shortest = columns["distance_m"][rows], columns["shortest_m"][rows]
+        away = shortest > 0.0  # as optimality_ratios
+        means[f"{prefix}distance_m_common"] = _mean(distance)
+        means[f"{prefix}time_s_common"] = _mean(columns["time_s"][rows])
+        means[f"{prefix}optimality_common"] = _mean(distance[away] / shortest[away])
+    return means
 
 
 def _mean(samples: Array | Flags) -> float:

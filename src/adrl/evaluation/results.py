@@ -160,7 +160,7 @@ def comparison_table(summaries: Sequence[Mapping[str, Any]]) -> "Table":
         padding=0,
         pad_edge=False,
     )
-    table.add_column("policy\n", overflow="fold", min_width=10)
+    table.add_column("policy\n", overflow="fold", min_width=9)
     for column in _COLUMNS:
         table.add_column(column.heading, justify="right", no_wrap=True)
     for summary in summaries:

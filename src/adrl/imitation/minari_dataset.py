@@ -77,7 +77,8 @@ def save_minari(demonstrations: Demonstrations, path: PathLike, source: Source) 
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = target.with_name(f".{target.name[:200]}.{uuid4().hex}.tmp")
     try:
-        _write(demonstrations, temporary, target.name, source)
+        # Minari joins a relative path to itself.
+        _write(demonstrations, temporary.absolute(), target.name, source)
         for written in (*temporary.rglob("*"), temporary):
             sync(written)
         os.replace(temporary, target)

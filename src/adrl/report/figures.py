@@ -36,6 +36,7 @@ STROKES: tuple[LineStyleType, ...] = ("-", *((0, dashes) for dashes in _DASHES))
 """Line pattern beside each colour, so that a grey print and lines that cover each other stay legible."""
 SOLID, EDGE, INK, MOVING = "#B9BEC6", "#7C838D", "#30343A", "#E9C46A"
 _DPI = 140
+LEGEND_COLUMNS = 7
 _CURVES = {
     "S": "maturity S",
     "alpha": "expert share alpha",
@@ -122,38 +123,46 @@ def routes(panels: Sequence[RoutePanel], out: str | os.PathLike[str], *, columns
     save(routes_figure(panels, columns=columns), out)
 
 
-def routes_figure(panels: Sequence[RoutePanel], *, columns: int = 3) -> Figure:
+def routes_figure(
+    panels: Sequence[RoutePanel],
+    *,
+    columns: int = 3,
+    styles: Mapping[str, tuple[str, LineStyleType]] | None = None,
+) -> Figure:
     """The panels as small multiples: six make two rows of three.
 
     Obstacles are grey; moving discs are drawn where they start, with the line they run on. Each panel shows a
-    square of the world: all of it, or the part about the routes when the world is much larger.
+    square of the world: all of it, or the part about the routes when the world is much larger. styles: policy -> colour
+    and pattern; line_style in the order of the policies when left out.
     """
     if not panels:
         raise ValueError("no route to draw; give one panel or more")
     names = list(dict.fromkeys(name for panel in panels for name in panel.trajectories))
     columns = min(columns, len(panels))
     rows = math.ceil(len(panels) / columns)
-    figure = blank_figure(3.6 * columns, 3.7 * rows + 0.5)
+    styles = styles or {name: line_style(index) for index, name in enumerate(names)}
+    entries = _legend(panels, {name: styles[name] for name in names})
+    figure = blank_figure(3.6 * columns, 3.7 * rows + 0.35 * math.ceil(len(entries) / LEGEND_COLUMNS) + 0.3)
     grid = figure.subplots(rows, columns, squeeze=False)
     for axes, panel in zip(grid.flat, panels, strict=False):
-        _panel(axes, panel, names)
+        _panel(axes, panel, styles)
     for axes in grid.flat[len(panels) :]:
         axes.set_axis_off()
     for axes in grid[:, 0]:
         axes.set_ylabel("y, m", fontsize=8)
     for axes in grid.flat[max(0, len(panels) - columns) : len(panels)]:
         axes.set_xlabel("x, m", fontsize=8)
-    entries = _legend(panels, names)
-    figure.legend(handles=entries, loc="outside lower center", ncols=min(7, len(entries)), frameon=False)
+    columns = min(LEGEND_COLUMNS, len(entries))
+    figure.legend(handles=entries, loc="outside lower center", ncols=columns, frameon=False, fontsize=9)
     return figure
 
 
-def _panel(axes: Axes, panel: RoutePanel, names: Sequence[str]) -> None:
+def _panel(axes: Axes, panel: RoutePanel, styles: Mapping[str, tuple[str, LineStyleType]]) -> None:
     draw_world(axes, panel.world)
     if panel.path is not None:
         axes.plot(*panel.path[:, :2].T, color=INK, linewidth=1.1, linestyle=(0, (1, 1.6)), zorder=4)
     for name, positions in panel.trajectories.items():
-        colour, stroke = line_style(names.index(name))
+        colour, stroke = styles[name]
         axes.plot(*positions[:, :2].T, color="white", linewidth=3.2, alpha=0.7, zorder=5)
         axes.plot(*positions[:, :2].T, color=colour, linewidth=1.7, linestyle=stroke, zorder=6)
         marker = _END_MARKERS.get(panel.endings.get(name, ""))
@@ -220,16 +229,15 @@ def _view(axes: Axes, panel: RoutePanel) -> None:
     axes.spines[:].set_color(SOLID)
 
 
-def _legend(panels: Sequence[RoutePanel], names: Sequence[str]) -> list[Line2D]:
+def _legend(panels: Sequence[RoutePanel], styles: Mapping[str, tuple[str, LineStyleType]]) -> list[Line2D]:
     """Only what the picture holds."""
 
     def mark(label: str, marker: MarkerPath | str, **style: Any) -> Line2D:
         return Line2D([], [], linestyle="none", marker=marker, color=INK, label=label, **style)
 
-    styles = [line_style(index) for index in range(len(names))]
     entries = [
         Line2D([], [], color=colour, linestyle=stroke, linewidth=1.8, label=name)
-        for name, (colour, stroke) in zip(names, styles, strict=True)
+        for name, (colour, stroke) in styles.items()
     ]
     if any(panel.path is not None for panel in panels):
         entries.append(Line2D([], [], color=INK, linestyle=(0, (1, 1.6)), linewidth=1.2, label="A* path"))

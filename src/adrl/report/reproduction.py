@@ -1,17 +1,20 @@
 """The kept results of `adrl reproduce`: small files from which every figure and table is made, without a checkpoint.
 
-about.json         presets, budgets, versions, wall clock
-runs.json          one evaluation a row: scenario, method, seed, guidance and its metrics
-curves.parquet     rows of the training logs of all runs
-episodes.parquet   endings, distances and times of all test episodes
-routes.parquet     routes of the first seed on the first tasks
+about.json                       the preset: scenarios, budgets, and the jobs that belong to it
+SCENARIO/settings.json           what all results of the scenario share; see adrl.comparison.compare.claim
+SCENARIO/JOB/run.json            method, seed, versions, and the metrics of each evaluation; written last
+SCENARIO/JOB/curve.parquet       rows of the training log
+SCENARIO/JOB/episodes.parquet    endings, distances and times of the test episodes
+SCENARIO/JOB/routes.parquet      routes on the first tasks: of the planner and each method's first seed
+
+A job's folder is written when it has ended and holds all that is kept of it: whoever has these files need not run the
+job again.
 """
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +26,8 @@ from adrl.errors import CheckpointError
 Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
 
-ABOUT_FILE, RUNS_FILE = "about.json", "runs.json"
-CURVES_FILE, EPISODES_FILE, ROUTES_FILE = "curves.parquet", "episodes.parquet", "routes.parquet"
+ABOUT_FILE, RUN_FILE = "about.json", "run.json"
+CURVE_FILE, EPISODES_FILE, ROUTES_FILE = "curve.parquet", "episodes.parquet", "routes.parquet"
 CURVE_COLUMNS = (
     *("wall_s", "env_steps", "episode", "updates", "q_mean", "return_mean", "success"),
     *("q_start", "return_start", "S", "alpha", "lambda_bc"),
@@ -36,8 +39,10 @@ RUN_METRICS = (
 )
 """What is kept of an evaluation; None where undefined."""
 OUTCOMES = ("task", "success", "collision", "distance_m", "time_s", "shortest_m")
+"""What is kept of an episode, beside the guidance."""
+ROUTE_COLUMNS = ("guidance", "task", "x_m", "y_m")
 NO_SEED = -1
-"""Seed of the planner in the tables."""
+"""Seed of the planner."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,21 +51,29 @@ class Results:
 
     about: dict[str, Any]
     runs: list[dict[str, Any]]
+    """One evaluation each: scenario, method, seed (None: planner), guidance, RUN_METRICS."""
     curves: dict[tuple[str, str, int], dict[str, Array]]
     """(scenario, method, seed) -> columns of its log."""
-    episodes: Columns
-    """scenario, method, seed, guidance, task, success, collision, distance_m, time_s, shortest_m of each episode."""
-    routes: Columns
-    """scenario, method, guidance, task, x_m, y_m of each position."""
+    episodes: dict[tuple[str, str, str], dict[int, Columns]]
+    """(scenario, method, guidance) -> seed -> columns OUTCOMES of its test episodes, in the order of the tasks."""
+    routes: dict[tuple[str, str, str], Columns]
+    """(scenario, method, guidance) -> columns task, x_m, y_m of each position."""
+    missing: dict[str, list[str]]
+    """Scenario -> its jobs that have no result yet."""
 
     @property
     def scenarios(self) -> tuple[str, ...]:
-        """The scenarios, in the order they were run."""
-        return tuple(self.about["scenarios"])
+        """The scenarios that have results, in the order they are run."""
+        found = {run["scenario"] for run in self.runs}
+        return tuple(name for name in self.about["scenarios"] if name in found)
 
     def trained_with(self, scenario: str) -> str:
         """Guidance of the training in a scenario."""
         return self.about["scenarios"][scenario]["guidance"]
+
+    def seeds(self, scenario: str, method: str) -> int:
+        """How many trainings of a method there are."""
+        return len(self.curves_of(scenario, method))
 
     def curves_of(self, scenario: str, method: str) -> list[dict[str, Array]]:
         """The logs of a method's seeds, in their order."""
@@ -80,47 +93,51 @@ class Results:
         ]
         return [float(run[metric]) for run in rows if run[metric] is not None]
 
-    def outcomes(self, scenario: str, method: str, guidance: str) -> "dict[int, Columns]":
+    def outcomes(self, scenario: str, method: str, guidance: str) -> dict[int, Columns]:
         """seed -> columns OUTCOMES of its test episodes, in the order of the tasks."""
-        return self._outcomes.get((scenario, method, guidance), {})
-
-    @cached_property
-    def _outcomes(self) -> dict[tuple[str, str, str], dict[int, Columns]]:
-        found: dict[tuple[str, str, str], dict[int, Columns]] = {}
-        for (scenario, method, guidance, seed), rows in _groups(
-            self.episodes, ("scenario", "method", "guidance", "seed")
-        ):
-            part = {name: self.episodes[name][rows] for name in OUTCOMES}
-            order = np.argsort(part["task"], kind="stable")
-            by_seed = found.setdefault((scenario, method, guidance), {})
-            by_seed[int(seed)] = {name: column[order] for name, column in part.items()}
-        return found
+        return self.episodes.get((scenario, method, guidance), {})
 
 
 def load(folder: Path) -> Results:
-    """Read the files of a results folder. Raises CheckpointError naming one that is missing or malformed."""
-    about, runs = (_json(folder / name) for name in (ABOUT_FILE, RUNS_FILE))
-    curves = _table(folder / CURVES_FILE)
-    logs = {}
-    for (scenario, method, seed), rows in _groups(curves, ("scenario", "method", "seed")):
-        logs[scenario, method, int(seed)] = {
-            name: curves[name][rows].astype(np.float64) for name in CURVE_COLUMNS
-        }
-    return Results(
-        about=about,
-        runs=runs["runs"],
-        curves=logs,
-        episodes=_table(folder / EPISODES_FILE),
-        routes=_table(folder / ROUTES_FILE),
-    )
+    """Read a results folder, however many jobs are in it. Raises CheckpointError naming a file that is malformed."""
+    about = _json(folder / ABOUT_FILE)
+    results = Results(about, [], {}, {}, {}, {})
+    for scenario, preset in about["scenarios"].items():
+        kept = [name for name in preset["jobs"] if (folder / scenario / name / RUN_FILE).exists()]
+        results.missing[scenario] = [name for name in preset["jobs"] if name not in kept]
+        for name in kept:
+            _add_job(results, scenario, folder / scenario / name)
+    if not results.runs:
+        raise CheckpointError(f"{folder}: no job has ended yet; run adrl reproduce for longer")
+    return results
 
 
-def _groups(columns: Columns, keys: Sequence[str]) -> list[tuple[tuple[Any, ...], NDArray[np.intp]]]:
-    """Row numbers of each combination of the key columns, in the order in which they first appear."""
-    rows: dict[tuple[Any, ...], list[int]] = {}
-    for number, key in enumerate(zip(*(columns[name].tolist() for name in keys), strict=True)):
-        rows.setdefault(key, []).append(number)
-    return [(key, np.array(numbers)) for key, numbers in rows.items()]
+def _add_job(results: Results, scenario: str, folder: Path) -> None:
+    path = folder / RUN_FILE
+    run = _json(path)
+    try:
+        method, seed = run["method"], run["seed"]
+        whose = {"scenario": scenario, "method": method, "seed": seed}
+        results.runs.extend(whose | evaluation for evaluation in run["evaluations"])
+    except (KeyError, TypeError) as error:
+        raise CheckpointError(f"{path}: not a run that adrl reproduce kept ({error!r}); delete it") from None
+    number = NO_SEED if seed is None else int(seed)
+    if seed is not None:
+        curve = _table(folder / CURVE_FILE)
+        results.curves[scenario, method, number] = {n: curve[n].astype(np.float64) for n in CURVE_COLUMNS}
+    for guidance, part in _by_guidance(_table(folder / EPISODES_FILE)):
+        order = np.argsort(part["task"], kind="stable")
+        by_seed = results.episodes.setdefault((scenario, method, guidance), {})
+        by_seed[number] = {name: part[name][order] for name in OUTCOMES}
+    if (folder / ROUTES_FILE).exists():
+        for guidance, part in _by_guidance(_table(folder / ROUTES_FILE)):
+            results.routes[scenario, method, guidance] = part
+
+
+def _by_guidance(columns: Columns) -> Iterator[tuple[str, Columns]]:
+    for guidance in dict.fromkeys(columns["guidance"].tolist()):
+        rows = columns["guidance"] == guidance
+        yield guidance, {name: column[rows] for name, column in columns.items()}
 
 
 def _json(path: Path) -> Any:
@@ -142,10 +159,10 @@ def _table(path: Path) -> Columns:
         with open(path, "rb") as stream:
             table = pq.read_table(pa.py_buffer(stream.read()))
     except FileNotFoundError:
-        raise CheckpointError(f"{path}: no such file; run adrl reproduce first") from None
+        raise CheckpointError(f"{path}: no such file; delete its folder and run adrl reproduce") from None
     except (pa.ArrowException, OSError) as error:
         raise CheckpointError(
-            f"{path}: not a readable Parquet file ({error}); run adrl reproduce again"
+            f"{path}: not a readable Parquet file ({error}); delete its folder and run adrl reproduce"
         ) from None
     return {name: table.column(name).to_numpy(zero_copy_only=False) for name in table.column_names}
 

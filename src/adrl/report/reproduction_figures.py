@@ -1,5 +1,6 @@
 """The paper's figures from kept results, and beside each the one that matters more."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -7,9 +8,11 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
 from matplotlib.typing import LineStyleType
 
-from adrl.evaluation.learning_time import steady_level
+from adrl.evaluation.learning_time import median_seconds_to_level
 from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
 from adrl.report.figures import EDGE, PALETTE, RoutePanel, blank_figure, line_style, routes_figure, save
 from adrl.report.reported import ABLATIONS, LABELS, METHODS, RIVALS
@@ -27,6 +30,11 @@ from adrl.report.reproduction_numbers import (
 from adrl.worlds import get_scenario, load_robot, task_set
 
 KINDS = ("png", "pdf")
+VALUE_COLUMNS = 4
+_VALUES: tuple[tuple[str, tuple[str, LineStyleType], str], ...] = (
+    ("q_start", (PALETTE[0], "-"), "promised"),
+    ("return_start", (PALETTE[1], "--"), "realised"),
+)
 POINTS = 60
 """Places along the x axis where curves of several seeds are averaged."""
 Curve = Mapping[str, Array]
@@ -46,7 +54,7 @@ def figures(results: Results) -> dict[str, Figure]:
     for scenario in results.scenarios:
         for guidance in results.about["scenarios"][scenario]["evaluated"]:
             if panels := _route_panels(results, scenario, guidance):
-                found[f"fig7-routes-{scenario}-{guidance}"] = routes_figure(panels)
+                found[f"fig7-routes-{scenario}-{guidance}"] = routes_figure(panels, styles=ROUTE_STYLES)
     return found
 
 
@@ -60,20 +68,21 @@ def write_figures(results: Results, folder: Path) -> list[Path]:
 
 
 def q_figure(results: Results, methods: Sequence[str]) -> Figure:
-    """Mean Q, Q from its start (0) to its steady level (1), and success, over training episodes; a row a scenario."""
+    """Mean Q, Q from its least value (0) to its greatest (1), and success, over training episodes; a row a scenario."""
     figure, grid = _grid(results, 3)
     for row, scenario in zip(grid, results.scenarios, strict=True):
         for method in results.methods_of(scenario, methods):
             curves, style = results.curves_of(scenario, method), _style(method)
-            label = LABELS[method] + (" (value V)" if method == "sb3-ppo" else "")
+            label = _label(results, scenario, method, " (value V)" if method == "sb3-ppo" else "")
             _band(row[0], curves, "episode", lambda curve: curve["q_mean"], style, label)
             _band(row[1], curves, "episode", _rescaled, style, label)
             _band(row[2], curves, "episode", _success, style, label)
-        titles = ("mean Q", "Q, 0 at its start, 1 at its steady level", "success in validation, %")
+        titles = ("mean Q", "mean Q, 0 its least, 1 its greatest value", "success in validation, %")
         for axes, title in zip(row, titles, strict=True):
             _axes(axes, f"{scenario}: {title}", "training episodes")
-        row[1].set_ylim(-0.5, 1.5)
-        row[0].legend(frameon=False, fontsize=7)
+        row[1].set_ylim(-0.03, 1.03)
+        row[2].set_ylim(-3.0, 103.0)
+        _legend_beside(row[2])
     return figure
 
 
@@ -81,17 +90,31 @@ def _success(curve: Curve) -> Array:
     return 100.0 * curve["success"]
 
 
+BROWN = "#7A4E2D"
+ROUTE_STYLES: dict[str, tuple[str, LineStyleType]] = {
+    LABELS[PLANNER]: (BROWN, "-"),
+    **{LABELS[method]: line_style(METHODS.index(method)) for method in RIVALS},
+}
+"""Of the routes: a method's as in the other figures."""
+
+
 def _style(method: str) -> tuple[str, LineStyleType]:
     """The same in every figure."""
     return line_style(METHODS.index(method))
+
+
+def _label(results: Results, scenario: str, method: str, note: str = "") -> str:
+    """Its name, and how many of the seeds have ended where not all have."""
+    ended, wanted = results.seeds(scenario, method), results.about["scenarios"][scenario]["seeds"]
+    return LABELS[method] + note + ("" if ended == wanted else f", {ended} of {wanted} seeds")
 
 
 def _rescaled(curve: Curve) -> Array:
     """Rewards differ between methods, and so do the scales of Q: only the shape is comparable."""
     values = curve["q_mean"]
     known = values[np.isfinite(values)]
-    span = steady_level(values) - known[0] if len(known) else np.nan
-    return (values - known[0]) / span if abs(span) > 1e-9 else np.full_like(values, np.nan)
+    span = np.ptp(known) if len(known) else 0.0
+    return (values - known.min()) / span if span > 1e-9 else np.full_like(values, np.nan)
 
 
 def convergence_figure(results: Results) -> Figure:
@@ -99,30 +122,31 @@ def convergence_figure(results: Results) -> Figure:
     figure, grid = _grid(results, 1 + len(LEVELS))
     for row, scenario in zip(grid, results.scenarios, strict=True):
         names = results.methods_of(scenario, METHODS)
-        _dots(row[0], names, [steady_episodes(results, scenario, name) for name in names])
+        episodes = [steady_episodes(results, scenario, name) for name in names]
+        longest = max((c["episode"][-1] for n in names for c in results.curves_of(scenario, n)), default=1.0)
+        budget = results.about["scenarios"][scenario]["steps"]
+        _dots(row[0], names, episodes, longest)
         _axes(row[0], f"{scenario}: episodes to steady-state mean Q", "training episodes")
         for axes, level in zip(row[1:], LEVELS, strict=True):
-            _dots(axes, names, [times_to(results, scenario, name, level, "env_steps") for name in names])
+            times = [times_to(results, scenario, name, level, "env_steps") for name in names]
+            _dots(axes, names, times, budget)
             _axes(axes, f"{scenario}: steps to {100 * level:.0f} % success", "environment steps")
     return figure
 
 
-def _dots(axes: Axes, names: Sequence[str], values: Sequence[Sequence[float]]) -> None:
-    """A dot a seed, a line at the median of those that got there, and how many did."""
+def _dots(axes: Axes, names: Sequence[str], values: Sequence[Sequence[float]], end: float) -> None:
+    """A dot a seed, a line at the median where it is finite, and how many got there; end: of the longest run."""
     labels = []
     for place, (name, column) in enumerate(zip(names, values, strict=True)):
         reached = [value for value in column if np.isfinite(value)]
         colour, _ = _style(name)
         axes.plot(reached, [place] * len(reached), "o", color=colour, markersize=4, alpha=0.7)
-        if 2 * len(reached) > len(column):
-            median = float(
-                np.sort([*reached, *[np.inf] * (len(column) - len(reached))])[(len(column) - 1) // 2]
-            )
+        if math.isfinite(median := median_seconds_to_level(column)):
             axes.plot([median] * 2, [place - 0.3, place + 0.3], color=colour, linewidth=2.0)
         labels.append(f"{LABELS[name]}  {len(reached)}/{len(column)}")
     axes.set_yticks(range(len(names)), labels, fontsize=8)
     axes.set_ylim(len(names) - 0.4, -0.6)
-    axes.set_xlim(left=0.0)
+    axes.set_xlim(0.0, 1.04 * end)
 
 
 def success_figure(results: Results) -> Figure:
@@ -132,26 +156,33 @@ def success_figure(results: Results) -> Figure:
         for method in results.methods_of(scenario, METHODS):
             curves = results.curves_of(scenario, method)
             for axes, column in zip(row, ("env_steps", "wall_s"), strict=True):
-                _band(axes, curves, column, _success, _style(method), LABELS[method])
+                _band(axes, curves, column, _success, _style(method), _label(results, scenario, method))
         _axes(row[0], f"{scenario}: success in validation, %", "environment steps")
         _axes(row[1], f"{scenario}: success in validation, %", "wall clock, s")
-        row[0].legend(frameon=False, fontsize=7, loc="lower right")
+        for axes in row:
+            axes.set_ylim(-3.0, 103.0)
+        _legend_beside(row[-1])
     return figure
 
 
 def value_figure(results: Results) -> Figure:
     """What the critic promises from the validation starts (line) and the discounted return that came (dashed)."""
-    figure, grid = _grid(results, len(METHODS), width_in=2.6)
-    for row, scenario in zip(grid, results.scenarios, strict=True):
-        for axes, method in zip(row, METHODS, strict=True):
+    rows = math.ceil(len(METHODS) / VALUE_COLUMNS)
+    figure = blank_figure(3.2 * VALUE_COLUMNS, 2.5 * rows * len(results.scenarios))
+    grid = figure.subplots(rows * len(results.scenarios), VALUE_COLUMNS, squeeze=False)
+    for place, scenario in enumerate(results.scenarios):
+        cells = list(grid[rows * place : rows * (place + 1)].flat)
+        for axes, method in zip(cells, METHODS, strict=False):
             curves = results.curves_of(scenario, method)
-            _band(axes, curves, "env_steps", lambda curve: curve["q_start"], (PALETTE[0], "-"), "promised")
-            _band(
-                axes, curves, "env_steps", lambda curve: curve["return_start"], (PALETTE[1], "--"), "realised"
-            )
-            _axes(axes, f"{scenario}: {LABELS[method]}", "environment steps")
-            axes.tick_params(labelsize=7)
-        row[0].legend(frameon=False, fontsize=7)
+            for column, stroke, label in _VALUES:
+                _band(axes, curves, "env_steps", lambda curve, column=column: curve[column], stroke, label)
+            _axes(axes, f"{scenario}: {_label(results, scenario, method)}", "environment steps")
+        for axes in cells[len(METHODS) :]:
+            axes.set_axis_off()
+    entries = [
+        Line2D([], [], color=colour, linestyle=stroke, label=label) for _, (colour, stroke), label in _VALUES
+    ]
+    figure.legend(handles=entries, loc="outside lower center", ncols=2, frameon=False, fontsize=9)
     return figure
 
 
@@ -165,12 +196,11 @@ def survival_figure(results: Results) -> Figure:
                 end = max(curve["wall_s"][-1] for curve in results.curves_of(scenario, method))
                 colour, stroke = _style(method)
                 x, share = np.append(x, max(end, x[-1])), np.append(share, share[-1])
-                axes.step(
-                    x, 100.0 * share, where="post", color=colour, linestyle=stroke, label=LABELS[method]
-                )
+                label = _label(results, scenario, method)
+                axes.step(x, 100.0 * share, where="post", color=colour, linestyle=stroke, label=label)
             _axes(axes, f"{scenario}: seeds below {100 * level:.0f} % success, %", "wall clock, s")
             axes.set_ylim(-3.0, 103.0)
-        row[-1].legend(frameon=False, fontsize=7)
+        _legend_beside(row[-1])
     return figure
 
 
@@ -192,26 +222,30 @@ def methods_figure(results: Results) -> Figure:
         names = results.methods_of(scenario, METHODS)
         success = {name: results.values(scenario, name, guidance, "success") for name in names}
         hard = hard_worlds(results, scenario)
-        _intervals(row[0], {name: seed_iqm(success[name]) for name in names})
+        labels = {name: _label(results, scenario, name) for name in names}
+        _intervals(row[0], {name: seed_iqm(success[name]) for name in names}, labels)
         _axes(row[0], f"{scenario}: success on test tasks, IQM, %", "")
-        _intervals(row[1], {name: seed_mean(success_on(results, scenario, name, hard)) for name in names})
+        _intervals(
+            row[1], {name: seed_mean(success_on(results, scenario, name, hard)) for name in names}, labels
+        )
         _axes(row[1], f"{scenario}: success on the worst {100 * HARD_SHARE:.0f} % of worlds, %", "")
         rivals = [name for name in names if name != OURS] if OURS in names else []
         better = {name: probability_of_improvement(success[OURS], success[name]) for name in rivals}
-        _intervals(row[2], better)
+        _intervals(row[2], better, labels)
         row[2].axvline(50.0, color=EDGE, linewidth=1.0, linestyle=":")
-        row[2].set_xlim(-3.0, 103.0)
+        for axes in row:
+            axes.set_xlim(-3.0, 103.0)
         _axes(row[2], f"{scenario}: chance that a seed of ADRL beats it, %", "")
     return figure
 
 
-def _intervals(axes: Axes, values: Mapping[str, Interval]) -> None:
+def _intervals(axes: Axes, values: Mapping[str, Interval], labels: Mapping[str, str]) -> None:
     for place, (name, (estimate, low, high)) in enumerate(values.items()):
         colour, _ = _style(name)
         if np.isfinite(low):
             axes.plot([100.0 * low, 100.0 * high], [place, place], color=colour, linewidth=2.0)
         axes.plot(100.0 * estimate, place, "o", color=colour, markersize=5)
-    axes.set_yticks(range(len(values)), [LABELS[name] for name in values], fontsize=8)
+    axes.set_yticks(range(len(values)), [labels[name] for name in values], fontsize=8)
     axes.set_ylim(max(len(values), 1) - 0.4, -0.6)
 
 
@@ -223,17 +257,27 @@ def _band(
     style: tuple[str, LineStyleType],
     label: str,
 ) -> None:
-    """Mean over seeds with a 95 % bootstrap band, where every seed has a value."""
-    known = [(curve[x_column], of(curve)) for curve in curves]
-    known = [(x[np.isfinite(y)], y[np.isfinite(y)]) for x, y in known]
-    known = [(x, y) for x, y in known if len(x)]
+    """Mean over seeds with a 95 % bootstrap band, where every seed has a value.
+
+    Seeds are averaged at equal environment steps, x too: in wall clock or episodes the slow and the fast ones may have
+    no value in common.
+    """
+    known = [(curve, of(curve)) for curve in curves]
+    known = [
+        ({n: curve[n][np.isfinite(y)] for n in ("env_steps", x_column)}, y[np.isfinite(y)])
+        for curve, y in known
+    ]
+    known = [(curve, y) for curve, y in known if len(y)]
     if not known:
         return
-    first, last = max(x[0] for x, _ in known), min(x[-1] for x, _ in known)
+    first, last = (
+        choose(curve["env_steps"][end] for curve, _ in known) for choose, end in ((max, 0), (min, -1))
+    )
     if last < first:
         return
-    places = np.linspace(first, last, POINTS)
-    values = np.stack([np.interp(places, x, y) for x, y in known])  # (seeds, POINTS)
+    steps = np.linspace(first, last, POINTS)
+    places = np.mean([np.interp(steps, curve["env_steps"], curve[x_column]) for curve, _ in known], axis=0)
+    values = np.stack([np.interp(steps, curve["env_steps"], y) for curve, y in known])  # (seeds, POINTS)
     colour, stroke = style
     axes.plot(places, values.mean(axis=0), color=colour, linestyle=stroke, linewidth=1.6, label=label)
     if len(values) > 1:
@@ -244,21 +288,23 @@ def _band(
 
 def _route_panels(results: Results, scenario: str, guidance: str) -> list[RoutePanel]:
     """The same test tasks driven by the methods of Table I, the first seed of each."""
-    table = results.routes
-    rows = (table["scenario"] == scenario) & ((table["guidance"] == guidance) | (table["method"] == PLANNER))
-    if not (rows & (table["method"] != PLANNER)).any():
+    recorded = {
+        method: results.routes.get((scenario, method, "map" if method == PLANNER else guidance))
+        for method in (PLANNER, *RIVALS)
+    }
+    driven = {method: routes for method, routes in recorded.items() if routes is not None}
+    if not driven.keys() - {PLANNER}:
         return []
     about = results.about["scenarios"][scenario]
-    tasks = task_set(
-        get_scenario(scenario), load_robot(about["robot"]), about["split"], int(table["task"][rows].max()) + 1
-    )
+    count = max(int(routes["task"].max()) for routes in driven.values()) + 1
+    tasks = task_set(get_scenario(scenario), load_robot(about["robot"]), about["split"], count)
     panels = []
     for number, task in enumerate(tasks):
         lines, endings = {}, {}
-        for method in (PLANNER, *RIVALS):
-            chosen = rows & (table["method"] == method) & (table["task"] == number)
+        for method, routes in driven.items():
+            chosen = routes["task"] == number
             if chosen.any():
-                lines[LABELS[method]] = np.stack([table["x_m"][chosen], table["y_m"][chosen]], axis=1)
+                lines[LABELS[method]] = np.stack([routes["x_m"][chosen], routes["y_m"][chosen]], axis=1)
                 endings[LABELS[method]] = _ending(results, scenario, method, guidance, number)
         panels.append(
             RoutePanel(
@@ -289,8 +335,18 @@ def _grid(results: Results, columns: int, width_in: float = 4.2) -> tuple[Figure
     return figure, figure.subplots(rows, columns, squeeze=False)
 
 
+def _legend_beside(axes: Axes) -> None:
+    """To the right, where no curve is."""
+    handles, labels = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(handles, labels, frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+
+
 def _axes(axes: Axes, title: str, x_label: str) -> None:
     axes.set_title(title, loc="left", fontsize=9)
+    axes.xaxis.set_major_locator(MaxNLocator(5))
+    if x_label == "environment steps":
+        axes.xaxis.set_major_formatter(lambda steps, _: f"{steps / 1000:g}k" if steps else "0")
     axes.set_xlabel(x_label, fontsize=8)
     axes.grid(color="#E4E6EA", linewidth=0.8)
     axes.spines[["top", "right"]].set_visible(False)

@@ -15,6 +15,7 @@ from adrl.evaluation.learning_time import (
     steady_from,
     steady_level,
 )
+from adrl.evaluation.metrics import COMMON, means_on_common_tasks
 from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
 from adrl.report.reported import ABLATIONS, LABELS, METHODS, RIVALS, TABLE_I
 from adrl.report.reported import METRICS as PAPER_METRICS
@@ -30,7 +31,7 @@ OURS, PLANNER = "adrl", "astar-dwa"
 def table_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
     """Our side of Table I in a scenario: a row for each method and guidance, means over seeds with 95 % intervals.
 
-    time_common_s, distance_common_m: over tasks that all methods of a seed and the planner solved under that guidance.
+    A learned method's also has what beside_planner says.
     """
     rows = []
     for method in TABLE_I:
@@ -42,30 +43,19 @@ def table_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
             row["seeds"] = None if method == PLANNER else len(success)
             for metric in (*PAPER_METRICS, "collision", "timeout"):
                 row |= _entry(metric, seed_mean(results.values(scenario, method, guidance, metric)))
-            row |= common_means(results, scenario, method, guidance)
+            if method != PLANNER:
+                row |= beside_planner(results, scenario, method, guidance)
             rows.append(row)
     return rows
 
 
-def common_means(results: Results, scenario: str, method: str, guidance: str) -> dict[str, float | None]:
-    """Mean distance and time on the tasks that every method of Table I solved, seed by seed, and how many they were."""
-    trained = [results.outcomes(scenario, name, guidance) for name in RIVALS]
+def beside_planner(results: Results, scenario: str, method: str, guidance: str) -> dict[str, float | None]:
+    """means_on_common_tasks with the planner as the reference, averaged over seeds; None without a common task."""
     planner = results.outcomes(scenario, PLANNER, "map").get(NO_SEED)
-    own = results.outcomes(scenario, method, "map" if method == PLANNER else guidance)
-    seeds = set.intersection(*(set(runs) for runs in trained)) if all(trained) else set()
-    means = []
-    for seed in sorted(seeds):
-        parties = [runs[seed] for runs in trained] + ([] if planner is None else [planner])
-        solved = np.logical_and.reduce([party["success"] for party in parties])
-        mine = own[NO_SEED if method == PLANNER else seed]
-        if solved.any():
-            means.append((mine["distance_m"][solved].mean(), mine["time_s"][solved].mean(), solved.sum()))
-    distance, time, count = np.mean(means, axis=0) if means else (math.nan,) * 3
-    return {
-        "distance_common_m": finite(distance),
-        "time_common_s": finite(time),
-        "common_tasks": finite(count),
-    }
+    runs = results.outcomes(scenario, method, guidance).values()
+    means = [] if planner is None else [means_on_common_tasks(run, planner) for run in runs]
+    known = [entry for entry in means if entry["common_tasks"]]
+    return {key: finite(float(np.mean([e[key] for e in known]))) if known else None for key in COMMON}
 
 
 def summary_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
@@ -214,21 +204,32 @@ def _curve_claims(results: Results, scenario: str) -> list[Claim]:
     ]
 
 
+SHARE = "as a share of A*+DWA's, on the tasks that both reached"
+
+
 def _table_claims(results: Results, scenario: str, guidance: str) -> list[Claim]:
-    def column(metric: str) -> dict[str, float]:
-        return {
-            name: float(np.mean(values)) if values else math.nan
-            for name in TABLE_I
-            for values in [results.values(scenario, name, "map" if name == PLANNER else guidance, metric)]
-        }
+    success = {
+        name: float(np.mean(values)) if values else math.nan
+        for name in TABLE_I
+        for values in [results.values(scenario, name, "map" if name == PLANNER else guidance, "success")]
+    }
+
+    def share(metric: str) -> dict[str, float]:
+        """A mean as a share of the planner's, on the tasks that both reached: a mean over easy tasks alone is short."""
+        shares = {PLANNER: 1.0}
+        for name in RIVALS:
+            means = beside_planner(results, scenario, name, guidance)
+            own, planners = means[f"{metric}_common"], means[f"reference_{metric}_common"]
+            shares[name] = math.nan if own is None or not planners else own / planners
+        return shares
 
     where = f"Table I, {scenario}, guidance {guidance}"
     entries = (
-        ("ADRL has the highest success rate", "max", "success", "success"),
-        ("ADRL has the shortest navigation time", "min", "time_s", "Av.T in s"),
-        ("ADRL has the best path quality", "min", "optimality", "path / shortest path"),
+        ("ADRL has the highest success rate", "max", success, "success"),
+        ("ADRL has the shortest navigation time", "min", share("time_s"), f"Av.T {SHARE}"),
+        ("ADRL has the best path quality", "min", share("optimality"), f"optimality {SHARE}"),
     )
-    return [Claim(where, text, (OURS,), best, column(metric), unit) for text, best, metric, unit in entries]
+    return [Claim(where, text, (OURS,), best, values, unit) for text, best, values, unit in entries]
 
 
 def _means(results: Results, scenario: str, methods: Sequence[str], of: Any) -> dict[str, float]:

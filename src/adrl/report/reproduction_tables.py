@@ -6,6 +6,7 @@ from typing import Any
 
 from adrl import files
 from adrl.evaluation.learning_time import STEADY_BAND, STEADY_ROWS, STEADY_SHARE, SUCCESSIVE
+from adrl.evaluation.metrics import OVER_SUCCESSES
 from adrl.report.reported import LABELS, SOURCE, TABLE_I, reported
 from adrl.report.reproduction import Results, load
 from adrl.report.reproduction_figures import figures, write_figures
@@ -51,7 +52,8 @@ def write_report(folder: Path) -> list[Path]:
         "",
     ]
     lines += ["## Figures", "", *_figure_lines(results)]
-    files.atomic_write_text(folder / PAGE_FILE, "\n".join(lines))
+    # The star of A*: two of them in a line would set what is between them in italics.
+    files.atomic_write_text(folder / PAGE_FILE, "\n".join(lines).replace("*", r"\*"))
     return [folder / TABLES_FILE, folder / PAGE_FILE, *write_figures(results, folder)]
 
 
@@ -65,11 +67,14 @@ def _head(results: Results) -> list[str]:
         "Every learned method has the same environment steps, test tasks, robot and vector environment.",
         "",
     ]
-    for about in results.about["scenarios"].values():
+    for scenario, about in results.about["scenarios"].items():
         lines.append(f"- {about['title']}, {about['seeds']} seeds.")
-        if about["missing"]:
-            lines.append(f"  Not in it yet: {', '.join(about['missing'])}.")
-    minutes = results.about["train_seconds"] / 60.0
+        if missing := results.missing[scenario]:
+            lines.append(
+                f"  {len(missing)} of {len(about['jobs'])} runs are not in it yet: {', '.join(missing)}."
+            )
+    trainings = {(r["scenario"], r["method"], r["seed"]): r["train_seconds"] or 0.0 for r in results.runs}
+    minutes = sum(trainings.values()) / 60.0
     return [*lines, "", f"Training took {minutes:.0f} min of one core in all, evaluation left out.", ""]
 
 
@@ -91,10 +96,13 @@ def _table_1(results: Results, tables: dict[str, list[dict[str, Any]]]) -> list[
         about = results.about["scenarios"][scenario]
         lines += [
             f"Measured on `{scenario}`, trained with guidance {about['guidance']}; in brackets 95 % intervals over "
-            f"seeds. Common: on the tasks that all five methods solved, seed by seed.",
+            "seeds. Av.D, Av.T and optimality are means over each method's own successes: who fails the long tasks has "
+            "short means. The last columns compare with A*+DWA: a method's mean / that of A*+DWA, both over the "
+            "tasks that both reached, seed by seed.",
             "",
         ]
-        wide = (*headings[:1], "evaluated", *headings[1:], "Av.D common", "Av.T common")
+        wide = (*headings[:1], "evaluated", "seeds", *headings[1:])
+        wide += ("Av.D m / A*+DWA", "Av.T s / A*+DWA", "optimality / A*+DWA", "common tasks")
         lines += _markdown(wide, [_measured_row(row) for row in measured])
     lines += [
         "Learned methods know no map: they see the final goal, and with the replanner waypoints on a map of their own "
@@ -110,12 +118,16 @@ def _measured_row(row: dict[str, Any]) -> list[str]:
     cells = [
         LABELS[row["method"]],
         note,
+        "-" if row["seeds"] is None else str(row["seeds"]),
         _cell(row, "distance_m", 2),
         _cell(row, "time_s", 2),
         _cell(row, "success", 3),
         _cell(row, "optimality", 2),
     ]
-    return [*cells, _plain(row["distance_common_m"], 2), _plain(row["time_common_s"], 2)]
+    if row["seeds"] is None or row["common_tasks"] is None:
+        return [*cells, *["-"] * 4]
+    pairs = [(row[f"{metric}_common"], row[f"reference_{metric}_common"]) for metric in OVER_SUCCESSES]
+    return [*cells, *(f"{own:.2f} / {planner:.2f}" for own, planner in pairs), f"{row['common_tasks']:.0f}"]
 
 
 def _summary(results: Results, summaries: dict[str, list[dict[str, Any]]]) -> list[str]:
@@ -123,6 +135,7 @@ def _summary(results: Results, summaries: dict[str, list[dict[str, Any]]]) -> li
     for scenario, rows in summaries.items():
         headings = [
             "method",
+            "seeds",
             "success %",
             "IQM %",
             f"worst {100 * HARD_SHARE:.0f} % of worlds %",
@@ -148,6 +161,7 @@ def _summary(results: Results, summaries: dict[str, list[dict[str, Any]]]) -> li
 def _summary_row(row: dict[str, Any]) -> list[str]:
     cells = [
         LABELS[row["method"]],
+        str(row["seeds"]),
         _cell(row, "success", 1, 100.0),
         _cell(row, "success_iqm", 1, 100.0),
         _cell(row, "hard_success", 1, 100.0),

@@ -1,0 +1,89 @@
+"""The documentation in a real browser: every page asks its own site for all it needs and fits a telephone."""
+
+import functools
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Request, Response
+
+pytestmark = [pytest.mark.slow, pytest.mark.integration]
+
+ROOT = Path(__file__).resolve().parents[2]
+PHONE, DESK = (390, 844), (1280, 900)
+PATIENCE_MS = 120_000
+
+
+class QuietHandler(SimpleHTTPRequestHandler):
+    def log_message(self, format: str, *args: Any) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Built as make docs does."""
+    out = tmp_path_factory.mktemp("site")
+    quiet = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
+    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(out)]
+    subprocess.run(command, cwd=ROOT, env=quiet, check=True, timeout=300)
+    return out
+
+
+@pytest.fixture(scope="module")
+def address(site: Path) -> Iterator[str]:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(QuietHandler, directory=str(site)))
+    thread = threading.Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_address[1]}/"
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.mark.parametrize("size", [PHONE, DESK], ids=["telephone", "desk"])
+def test_every_page_is_complete_in_itself(
+    browser: Browser, site: Path, address: str, size: tuple[int, int]
+) -> None:
+    """No request leaves the site, none fails, no script stumbles, nothing is wider than the screen."""
+    pages = sorted(path.relative_to(site).as_posix() for path in site.rglob("*.html"))
+    assert {"index.html", "quickstart.html", "method.html", "results/index.html"} <= set(pages)
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    page.set_default_timeout(PATIENCE_MS)
+    faults: list[str] = []
+
+    def asked(request: Request) -> None:
+        if not request.url.startswith((address, "data:")):
+            faults.append(request.url)
+
+    def answered(response: Response) -> None:
+        if response.status >= 400:
+            faults.append(f"{response.status} {response.url}")
+
+    page.on("request", asked)
+    page.on("response", answered)
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    found = {}
+    for name in pages:
+        page.goto(address + name)
+        page.wait_for_load_state("networkidle")
+        if (width := page.evaluate("document.documentElement.scrollWidth")) > size[0]:
+            faults.append(f"{width} px wide")
+        found[name] = list(faults)
+        faults.clear()
+    page.close()
+    assert {name: lines for name, lines in found.items() if lines} == {}
+
+
+def test_from_the_disk_it_opens_too(browser: Browser, site: Path) -> None:
+    requests: list[str] = []
+    page = browser.new_page()
+    page.on("request", lambda request: requests.append(request.url))
+    page.goto((site / "quickstart.html").as_uri())
+    assert page.locator("h1").first.inner_text()
+    page.close()
+    assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
