@@ -71,8 +71,8 @@ def evaluate(
     guidance `replan`, those of the training when None. paper_literal: with these, its equations as printed. tasks:
     instead of those of the split. make_body: makes what moves the robots instead of our simulator, for as long as it is
     needed: adrl.integrations.gazebo.Gazebo. on_drive: see rollout. out: folder for episodes.parquet, summary.json and
-    traces.safetensors, the course of some episodes and of the first failures, for adrl report. bag: ROS 1 bag, or folder
-    of a ROS 2 bag, for the episodes of bag_tasks, or of all tasks when None. Raises AdrlError.
+    traces.safetensors, the course of some episodes and of the first failures, for adrl report. bag: file of a ROS 1
+    bag, or folder of a ROS 2 bag, for the episodes of bag_tasks, or of all tasks when None. Raises AdrlError.
     """
     if episodes < 1:
         raise ConfigError(f"episodes is {episodes}; give 1 or more")

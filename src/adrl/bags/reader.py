@@ -37,7 +37,9 @@ class Bag:
         """
         connections = [line for line in self._reader.connections if line.topic == topic]
         if not connections:
-            raise DatasetError(f"{self.path}: no topic {topic}; it has {', '.join(sorted(self.topics)) or 'none'}")
+            raise DatasetError(
+                f"{self.path}: no topic {topic}; it has {', '.join(sorted(self.topics)) or 'none'}"
+            )
         for line in connections:
             if line.msgtype not in kinds:
                 wanted = " or ".join(kind.replace("/msg/", "/") for kind in kinds)
@@ -47,7 +49,10 @@ class Bag:
         try:
             for line, nanoseconds, raw in self._reader.messages(connections=connections):
                 count += 1
-                yield (nanoseconds - self._reader.start_time) * 1e-9, self._reader.deserialize(raw, line.msgtype)
+                yield (
+                    (nanoseconds - self._reader.start_time) * 1e-9,
+                    self._reader.deserialize(raw, line.msgtype),
+                )
         except Exception as error:  # What a damaged bag makes rosbags raise is not documented.
             raise DatasetError(f"{self.path}: {topic} is damaged after {count} messages ({error})") from error
         if count == 0:
@@ -61,7 +66,9 @@ def open_bag(path: Path) -> Iterator[Bag]:
         from rosbags.highlevel import AnyReader, AnyReaderError
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise MissingExtra("reading bags needs rosbags; install the extra: pip install 'adrl[bags]'") from None
+        raise MissingExtra(
+            "reading bags needs rosbags; install the extra: pip install 'adrl[bags]'"
+        ) from None
     if not path.exists():
         raise DatasetError(f"{path}: no such file; give a ROS 1 bag, or the folder of a ROS 2 bag")
     try:

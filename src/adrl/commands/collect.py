@@ -1,7 +1,7 @@
 """adrl collect."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Literal
 
@@ -45,7 +45,7 @@ class CollectOptions(Place):
     are where the robot came to stand."""
     zero_is_free: bool = False
     """The bags' LiDAR reports 0 where nothing comes back, as the LDS-01 does."""
-    encoder: EncoderConfig = EncoderConfig()
+    encoder: EncoderConfig = field(default_factory=EncoderConfig)
     """As adrl train takes it: demonstrations fit a policy of the same encoder."""
 
 
@@ -69,14 +69,16 @@ def main(arguments: Sequence[str]) -> int:
 def _refuse_others(options: CollectOptions) -> None:
     """Raises ConfigError for an option that would do nothing."""
     plain = CollectOptions(out=options.out)
-    for name in (field.name for field in fields(options)):
+    for name in (option.name for option in fields(options)):
         if name in OF_BOTH or getattr(options, name) == getattr(plain, name):
             continue
         option = "--" + name.replace("_", "-")
         if not options.bag and name in OF_BAGS:
             raise ConfigError(f"{option} is for bags; give --bag too")
         if options.bag and name not in OF_BAGS:
-            raise ConfigError(f"{option} is for the simulator, and --bag reads what was driven; leave one out")
+            raise ConfigError(
+                f"{option} is for the simulator, and --bag reads what was driven; leave one out"
+            )
 
 
 def _from_simulator(options: CollectOptions) -> int:

@@ -27,7 +27,10 @@ def read_bag(
     at which the bag recorded them. Raises MissingExtra without rosbags, DatasetError naming file and topic.
     """
     with open_bag(path) as bag:
-        commands, odometry = _twists(bag, command_topic, TWISTS), _twists(bag, odometry_topic, ODOMETRY + TWISTS)
+        commands, odometry = (
+            _twists(bag, command_topic, TWISTS),
+            _twists(bag, odometry_topic, ODOMETRY + TWISTS),
+        )
     return _resample(path, commands, odometry, period_s)
 
 

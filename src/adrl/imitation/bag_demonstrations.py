@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -85,10 +86,12 @@ class _Drive:
 
 def _drives(path: Path, recording: Recording, robot: RobotConfig, tolerance_m: float) -> list[_Drive]:
     """The episodes of a recording. Raises DatasetError for none, saying why."""
-    standing = (np.abs(recording.twist) <= STANDING).all(axis=1)
-    idle = standing & (np.abs(recording.command) <= STANDING).all(axis=1)
+    standing = _still(recording.twist)
+    idle = standing & _still(recording.command)
     idle_steps = idle[:-1] & recording.joined
-    wanted = recording.joined & _without_pauses(idle_steps, math.ceil(PAUSE_S / robot.control_period_s - 1e-9))
+    wanted = recording.joined & _without_pauses(
+        idle_steps, math.ceil(PAUSE_S / robot.control_period_s - 1e-9)
+    )
     if not (wanted & ~idle_steps).any():
         raise DatasetError(
             f"{path}: no movement: the robot stands for all of its {len(idle) * robot.control_period_s:.1f} s; "
@@ -125,6 +128,11 @@ def _drives(path: Path, recording: Recording, robot: RobotConfig, tolerance_m: f
     return drives
 
 
+def _still(twists: Array) -> Mask:
+    """(M,) whether speed and yaw rate (M, 2) are no more than STANDING."""
+    return (np.abs(twists[:, 0]) <= STANDING[0]) & (np.abs(twists[:, 1]) <= STANDING[1])
+
+
 def _without_pauses(idle: Mask, least: int) -> Mask:
     """(M,) steps that are not of a run of `least` idle ones."""
     moving = np.ones(len(idle), dtype=bool)
@@ -137,7 +145,7 @@ def _runs(wanted: Mask, label: NDArray[np.generic]) -> list[tuple[int, int]]:
     """(first, last + 1) of the runs of wanted steps with one label."""
     changes = np.flatnonzero((np.diff(wanted.astype(np.int8)) != 0) | (np.diff(label) != 0)) + 1
     edges = [0, *changes.tolist(), len(wanted)]
-    return [(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b > a and wanted[a]]
+    return [(a, b) for a, b in pairwise(edges) if b > a and wanted[a]]
 
 
 def _nearest(before: Array, after: Array) -> Array:

@@ -9,7 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.bags import Bag, open_bag
-from adrl.bags.reader import COMMAND_TOPIC, GOALS, ODOMETRY, ODOMETRY_TOPIC, SCAN_TOPIC, SCANS, TRANSFORMS, TWISTS
+from adrl.bags.reader import (
+    COMMAND_TOPIC,
+    GOALS,
+    ODOMETRY,
+    ODOMETRY_TOPIC,
+    SCAN_TOPIC,
+    SCANS,
+    TRANSFORMS,
+    TWISTS,
+)
 from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Scan
 from adrl.errors import DatasetError
