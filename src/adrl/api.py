@@ -1,7 +1,7 @@
 """The Python API: what the commands do, as functions. adrl.train, adrl.evaluate and adrl.load_policy are these."""
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Collection, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 
 from adrl import files
 from adrl.agents.config import TrainConfig
+from adrl.bags import BagWriter, require_new_bag
 from adrl.baselines.planner import AStarDwaPolicy
 from adrl.deploy.policy import DEFAULT, MlpPolicy, load_policy, resolve_policy
 from adrl.deploy.setup import Setup, setup_of
 from adrl.envs import Body, NavSim
 from adrl.errors import CheckpointError, ConfigError
+from adrl.evaluation.bag_recorder import BagRecorder
 from adrl.evaluation.results import RunMeta, Summary, summarise, write_episodes
-from adrl.evaluation.rollout import PrivilegedPolicy, Rollout, rollout
-from adrl.evaluation.traces import TRACES_FILE, Recorder, write_traces
+from adrl.evaluation.rollout import PrivilegedPolicy, Recorder, Rollout, rollout
+from adrl.evaluation.traces import TRACES_FILE, TraceRecorder, write_traces
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig
 from adrl.runs import RunConfig, train
@@ -58,6 +60,8 @@ def evaluate(
     make_body: Callable[[RobotConfig], AbstractContextManager[Body]] | None = None,
     on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None = None,
     out: Path | None = None,
+    bag: Path | None = None,
+    bag_tasks: Collection[int] | None = None,
     on_step: Callable[[int, int], None] | None = None,
 ) -> Evaluation:
     """Drive the first `episodes` tasks of a split.
@@ -67,7 +71,8 @@ def evaluate(
     guidance `replan`, those of the training when None. paper_literal: with these, its equations as printed. tasks:
     instead of those of the split. make_body: makes what moves the robots instead of our simulator, for as long as it is
     needed: adrl.integrations.gazebo.Gazebo. on_drive: see rollout. out: folder for episodes.parquet, summary.json and
-    traces.safetensors, the course of some episodes and of the first failures, for adrl report. Raises AdrlError.
+    traces.safetensors, the course of some episodes and of the first failures, for adrl report. bag: file of a ROS 1
+    bag, or folder of a ROS 2 bag, for the episodes of bag_tasks, or of all tasks when None. Raises AdrlError.
     """
     if episodes < 1:
         raise ConfigError(f"episodes is {episodes}; give 1 or more")
@@ -76,6 +81,10 @@ def evaluate(
             raise ConfigError(f"{name} is {value}; give 0 or more")
     if isinstance(policy, (str, Path)) and str(policy) != PLANNER:
         policy = load_policy(resolve_policy(policy))
+    if bag is None and bag_tasks is not None:
+        raise ConfigError("bag_tasks chooses what a bag holds; give bag too")
+    if bag is not None:
+        require_new_bag("bag", bag)
     place = get_scenario(scenario)
     driver, about, setup, config = _driver(policy, robot, guidance)
     if paper_literal and about["guidance"] != "replan":
@@ -87,8 +96,15 @@ def evaluate(
         tasks = task_set(place, config, split, episodes)
     else:
         split = OWN_TASKS
-    recorder = None if out is None else _recorder(driver)
-    with make_body(config) if make_body is not None else nullcontext() as body:
+    absent = sorted(set(bag_tasks or ()) - set(range(len(tasks))))
+    if absent:
+        raise ConfigError(f"bag_tasks has {absent[0]}; the tasks are 0 to {len(tasks) - 1}")
+    traces = None if out is None else _trace_recorder(driver)
+    with ExitStack() as stack:
+        body = stack.enter_context(make_body(config)) if make_body is not None else None
+        recorders: list[Recorder] = [] if traces is None else [traces]
+        if bag is not None:
+            recorders.append(BagRecorder(stack.enter_context(BagWriter(bag, config)), bag_tasks))
         result = rollout(
             driver,
             tasks,
@@ -100,7 +116,7 @@ def evaluate(
             seed=seed,
             num_threads=num_threads,
             record=record,
-            recorder=recorder,
+            recorders=recorders,
             on_step=on_step,
             body=body,
             on_drive=on_drive,
@@ -108,23 +124,23 @@ def evaluate(
     simulator = "native" if body is None else type(body).__name__.lower()
     meta = RunMeta(**about, robot=config.name, scenario=place.name, split=split, simulator=simulator)
     summary = summarise(result.episodes, meta)
-    if out is not None and recorder is not None:
+    if out is not None and traces is not None:
         out.mkdir(parents=True, exist_ok=True)
         write_episodes(out / "episodes.parquet", result.episodes)
-        write_traces(out / TRACES_FILE, recorder.traces())
+        write_traces(out / TRACES_FILE, traces.traces())
         files.write_json(out / "summary.json", summary)
     return Evaluation(summary=summary, rollout=result, tasks=tasks)
 
 
-def _recorder(driver: Policy | PrivilegedPolicy) -> Recorder:
+def _trace_recorder(driver: Policy | PrivilegedPolicy) -> TraceRecorder:
     """A recorder with the reward that the policy was trained with, if it says so. Raises CheckpointError."""
     if not isinstance(driver, MlpPolicy):
-        return Recorder()
+        return TraceRecorder()
     saved = driver.config.extra.get("reward", {})
     try:
         maturity = saved.get("maturity")
         maturity = driver.config.maturity if maturity is None else float(maturity)
-        return Recorder(RewardConfig(**saved.get("constants", {})), maturity)
+        return TraceRecorder(RewardConfig(**saved.get("constants", {})), maturity)
     except (AttributeError, TypeError, ValueError) as error:
         raise CheckpointError(f"bad reward in the policy's config.json ({error}); restore the file") from None
 

@@ -13,7 +13,7 @@ from adrl.baselines.planner import AStarDwaPolicy
 from adrl.errors import CheckpointError
 from adrl.evaluation.metrics import RATES, Episodes
 from adrl.evaluation.rollout import rollout
-from adrl.evaluation.traces import Recorder, Traces, read_traces, write_traces
+from adrl.evaluation.traces import TraceRecorder, Traces, read_traces, write_traces
 from adrl.rewards import REWARD_TERMS, RewardConfig
 from adrl.types import OccupancyGrid, RobotConfig, Task, World
 from adrl.worlds import get_scenario, single_task, task_set
@@ -33,8 +33,8 @@ class Ahead:
 def record(
     tasks: list[Task], policy: object, robot: RobotConfig = ROBOT, **options
 ) -> tuple[Episodes, Traces]:
-    recorder = Recorder(**options)
-    result = rollout(policy, tasks, robot, guidance="map", recorder=recorder, num_threads=1)  # pyright: ignore
+    recorder = TraceRecorder(**options)
+    result = rollout(policy, tasks, robot, guidance="map", recorders=[recorder], num_threads=1)  # pyright: ignore
     return result.episodes, recorder.traces()
 
 

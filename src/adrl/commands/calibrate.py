@@ -8,9 +8,10 @@ from typing import Annotated
 import tyro
 
 from adrl import files
+from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC
 from adrl.commands.options import console, parse, require_file
 from adrl.evaluation.calibration import calibrate
-from adrl.evaluation.drive_bags import COMMAND_TOPIC, ODOMETRY_TOPIC, read_bag
+from adrl.evaluation.drive_bags import read_bag
 from adrl.evaluation.drives import read_drives
 from adrl.worlds.robots import load_robot, robot_toml
 

@@ -1,25 +1,28 @@
 """adrl collect."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Literal
 
+from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, SCAN_TOPIC
 from adrl.commands.options import console, parse, require_folder
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError
-from adrl.imitation import Source, collect, save_minari
+from adrl.imitation import BagSummary, BagTopics, Source, collect, read_demonstrations, save_minari
+from adrl.observation import EncoderConfig
+from adrl.worlds import load_robot
 from adrl.worlds.place import Place
 
 
 @dataclass(frozen=True, kw_only=True)
 class CollectOptions(Place):
-    """What to record."""
+    """What to record, or where it was recorded."""
 
     out: Path
     """Folder of the new Minari dataset."""
     robot: str = "diffbot"
-    """A robot's name (adrl list) or a TOML file."""
+    """A robot's name (adrl list) or a TOML file; with --bag, the robot that drove."""
     guidance: Literal["goal", "replan", "map"] = "goal"
     """What the observations show: the final goal (replan: a waypoint of its own when stuck), or one on the A* path."""
     steps: int = 20_000
@@ -28,12 +31,57 @@ class CollectOptions(Place):
     """Of tasks, noise and robots."""
     num_envs: int = 64
     """Robots driven side by side."""
+    bag: tuple[Path, ...] = ()
+    """ROS 1 bags or folders of ROS 2 bags of a robot that somebody drove, instead of A*+DWA in the simulator (extra
+    bags)."""
+    scan_topic: str = SCAN_TOPIC
+    """Topic of the bags' scans, LaserScan."""
+    odometry_topic: str = ODOMETRY_TOPIC
+    """Topic of their odometry."""
+    command_topic: str = COMMAND_TOPIC
+    """Topic of their commands, Twist or TwistStamped."""
+    goal_topic: str | None = None
+    """Topic of their goals, PoseStamped. Left out: /goal_pose or /move_base_simple/goal; in a bag without either, goals
+    are where the robot came to stand."""
+    zero_is_free: bool = False
+    """The bags' LiDAR reports 0 where nothing comes back, as the LDS-01 does."""
+    encoder: EncoderConfig = field(default_factory=EncoderConfig)
+    """As adrl train takes it: demonstrations fit a policy of the same encoder."""
+
+
+OF_BAGS = ("bag", "scan_topic", "odometry_topic", "command_topic", "goal_topic", "zero_is_free")
+OF_BOTH = ("out", "robot", "encoder")
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Record demonstrations."""
-    options = parse(CollectOptions, arguments, "collect", "Record A*+DWA demonstrations as a Minari dataset.")
+    """Record demonstrations, or read them."""
+    options = parse(
+        CollectOptions,
+        arguments,
+        "collect",
+        "Record demonstrations as a Minari dataset: of A*+DWA in the simulator, or from bags of your robot.",
+    )
     require_folder("--out", options.out)
+    _refuse_others(options)
+    return _from_bags(options) if options.bag else _from_simulator(options)
+
+
+def _refuse_others(options: CollectOptions) -> None:
+    """Raises ConfigError for an option that would do nothing."""
+    plain = CollectOptions(out=options.out)
+    for name in (option.name for option in fields(options)):
+        if name in OF_BOTH or getattr(options, name) == getattr(plain, name):
+            continue
+        option = "--" + name.replace("_", "-")
+        if not options.bag and name in OF_BAGS:
+            raise ConfigError(f"{option} is for bags; give --bag too")
+        if options.bag and name not in OF_BAGS:
+            raise ConfigError(
+                f"{option} is for the simulator, and --bag reads what was driven; leave one out"
+            )
+
+
+def _from_simulator(options: CollectOptions) -> int:
     if options.seed < 0:
         raise ConfigError(f"seed is {options.seed}; give 0 or more")
     env = NavVectorEnv(
@@ -41,10 +89,50 @@ def main(arguments: Sequence[str]) -> int:
         scenario=options.load(),
         robot=options.robot,
         guidance=options.guidance,
+        encoder=options.encoder,
         seed=options.seed,
     )
     demonstrations = collect(env, options.steps, seed=options.seed)
     save_minari(demonstrations, options.out, Source.of(env, seed=options.seed))
-    console().print(f"{len(demonstrations.terminated)} steps, {int(demonstrations.success.sum())} arrivals")
+    console().print(f"{len(demonstrations)} steps, {int(demonstrations.success.sum())} arrivals")
     print(options.out)
     return 0
+
+
+def _from_bags(options: CollectOptions) -> int:
+    robot = load_robot(options.robot)
+    topics = BagTopics(
+        scan=options.scan_topic,
+        odometry=options.odometry_topic,
+        command=options.command_topic,
+        goal=options.goal_topic,
+    )
+    demonstrations, summaries = read_demonstrations(
+        options.bag, robot, encoder=options.encoder, topics=topics, zero_is_free=options.zero_is_free
+    )
+    source = Source(
+        robot=robot,
+        encoder=options.encoder,
+        guidance="goal",
+        scenario="bags",
+        demonstrator="whoever drove the robot",
+        extra={"bags": {path.name: asdict(s) for path, s in zip(options.bag, summaries, strict=True)}},
+    )
+    save_minari(demonstrations, options.out, source)
+    for path, summary in zip(options.bag, summaries, strict=True):
+        console().print(_told(path, summary))
+    print(options.out)
+    return 0
+
+
+def _told(path: Path, summary: BagSummary) -> str:
+    """A line about a bag."""
+    text = (
+        f"{path}: {summary.episodes} episodes, {summary.arrivals} arrivals, {summary.used_s:.0f} of "
+        f"{summary.recorded_s:.0f} s"
+    )
+    if not summary.goals_from_topic:
+        text += "; no topic of goals: they are where the robot came to stand"
+    if summary.clipped > 0.0:
+        text += f"; {100.0 * summary.clipped:.1f} % of the commands are beyond the robot's speeds and were clipped"
+    return text

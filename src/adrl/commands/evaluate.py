@@ -42,6 +42,10 @@ class EvaluateOptions(Place):
     """Threads of the simulator; 0 takes one per core."""
     out: Path | None = None
     """Folder for episodes.parquet, summary.json and traces.safetensors, which adrl report reads."""
+    bag: Path | None = None
+    """ROS 1 bag (FILE.bag), or folder of a ROS 2 bag (MCAP), for what the robot saw, was told and did (extra bags)."""
+    bag_tasks: tuple[int, ...] = ()
+    """Numbers of the tasks that go into the bag; all when left out."""
     json: Path | None = None
     """File for the summary; - prints it."""
 
@@ -70,6 +74,8 @@ def main(arguments: Sequence[str]) -> int:
             num_threads=options.threads,
             tasks=_own_task(options),
             out=options.out,
+            bag=options.bag,
+            bag_tasks=options.bag_tasks or None,
             on_step=show,
         )
     if options.json is not None and str(options.json) != "-":

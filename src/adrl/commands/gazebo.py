@@ -66,6 +66,8 @@ class EvaluateOptions(TasksOptions):
     """CSV file for commands and what the base did, period by period: what adrl calibrate reads."""
     out: Path | None = None
     """Folder for episodes.parquet and summary.json."""
+    bag: Path | None = None
+    """ROS 1 bag (FILE.bag), or folder of a ROS 2 bag (MCAP), as adrl evaluate has it (extra bags)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +109,13 @@ def _evaluate(arguments: Sequence[str]) -> int:
     require_folder("--out", options.out)
     require_file("--json", options.json)
     require_file("--drives", options.drives)
-    side = _drive(options, "Gazebo", make_body=partial(Gazebo, num_envs=options.num_envs), out=options.out)
+    side = _drive(
+        options,
+        "Gazebo",
+        make_body=partial(Gazebo, num_envs=options.num_envs),
+        out=options.out,
+        bag=options.bag,
+    )
     if options.drives is not None:
         side.drives.save(options.drives)
     _write(options.json, side.document())
@@ -203,6 +211,7 @@ def _drive(
     tasks_of: RobotConfig | None = None,
     make_body: Callable[[RobotConfig], Any] | None = None,
     out: Path | None,
+    bag: Path | None = None,
 ) -> Side:
     """One simulator's part, with a bar."""
     place, recorder = options.load(), DriveRecorder()
@@ -224,6 +233,7 @@ def _drive(
             make_body=make_body,
             on_drive=recorder,
             out=out,
+            bag=bag,
             on_step=show,
         )
     return Side(

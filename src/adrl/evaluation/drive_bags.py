@@ -2,16 +2,15 @@
 
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from adrl.errors import DatasetError, MissingExtra
+from adrl.bags import Bag, open_bag
+from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY, ODOMETRY_TOPIC, TWISTS
+from adrl.errors import DatasetError
 from adrl.evaluation.drives import Drives
 from adrl.types import Array
 
-COMMAND_TOPIC = "/cmd_vel"
-ODOMETRY_TOPIC = "/odom"
 SILENCE_PERIODS = 3.0
 """Odometry that is silent for longer ends a drive, and what comes after begins another."""
 
@@ -27,45 +26,24 @@ def read_bag(
     Periods begin when commands come; the speeds at their ends are interpolated between odometry messages, by the times
     at which the bag recorded them. Raises MissingExtra without rosbags, DatasetError naming file and topic.
     """
-    try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise MissingExtra(
-            "reading bags needs rosbags; install the extra: pip install 'adrl[bags]'"
-        ) from None
-    if not path.exists():
-        raise DatasetError(f"{path}: no such file; give a CSV file, or a ROS 1 or ROS 2 bag")
-    try:
-        # Old ROS 2 bags do not say what their messages are; these have been the same in all releases.
-        with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
-            commands, odometry = (_twists(reader, path, topic) for topic in (command_topic, odometry_topic))
-    except (AnyReaderError, OSError) as error:
-        raise DatasetError(f"{path}: not a readable bag ({error})") from None
+    with open_bag(path) as bag:
+        commands, odometry = (
+            _twists(bag, command_topic, TWISTS),
+            _twists(bag, odometry_topic, ODOMETRY + TWISTS),
+        )
     return _resample(path, commands, odometry, period_s)
 
 
-def _twists(reader: Any, path: Path, topic: str) -> Array:
+def _twists(bag: Bag, topic: str, kinds: tuple[str, ...]) -> Array:
     """(M, 3) seconds, speed, yaw rate of a topic's messages, in order of time."""
-    connections = [connection for connection in reader.connections if connection.topic == topic]
-    if not connections:
-        known = ", ".join(sorted({connection.topic for connection in reader.connections}))
-        raise DatasetError(f"{path}: no topic {topic}; it has {known or 'none'}")
     rows = []
-    for connection, nanoseconds, raw in reader.messages(connections=connections):
-        twist = reader.deserialize(raw, connection.msgtype)
+    for seconds, twist in bag.messages(topic, kinds):
         while hasattr(twist, "twist"):  # of stamped ones and odometry, which hold it one or two deep
             twist = twist.twist
-        if not hasattr(twist, "linear"):
-            raise DatasetError(
-                f"{path}: {topic} is of {connection.msgtype}; give a topic of twists or odometry"
-            )
-        rows.append((nanoseconds, twist.linear.x, twist.angular.z))
-    if not rows:
-        raise DatasetError(f"{path}: topic {topic} holds no message")
-    table = np.array([((ns - reader.start_time) * 1e-9, v, w) for ns, v, w in rows], dtype=np.float64)
+        rows.append((seconds, twist.linear.x, twist.angular.z))
+    table = np.array(rows, dtype=np.float64)
     if not np.isfinite(table).all():
-        raise DatasetError(f"{path}: {topic} holds a number that is not finite")
+        raise DatasetError(f"{bag.path}: {topic} holds a number that is not finite")
     return table[np.argsort(table[:, 0], kind="stable")]
 
 

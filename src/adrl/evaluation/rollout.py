@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.envs import NOMINAL, Body, NavSim, Randomization
+from adrl.envs.nav_sim import Outcome
 from adrl.errors import TaskError
 from adrl.evaluation.metrics import Episodes
-from adrl.evaluation.traces import Recorder
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward
@@ -27,6 +27,22 @@ class PrivilegedPolicy(Protocol):
 
     def act_in(self, sim: NavSim) -> F32:
         """(N, 2) actions in the simulator's current state."""
+        ...
+
+
+class Recorder(Protocol):
+    """Watches a rollout: begin, add after every step, end; then again for the next tasks."""
+
+    def begin(self, sim: NavSim, numbers: NDArray[np.int64]) -> None:
+        """Robots of the simulator stand at the starts of the tasks with these numbers in their split."""
+        ...
+
+    def add(self, sim: NavSim, active: NDArray[np.bool_], outcome: Outcome) -> None:
+        """One step of the robots that were driving, (N,) active."""
+        ...
+
+    def end(self, ending: NDArray[np.bool_]) -> None:
+        """(3, N) which of RATES each robot came to."""
         ...
 
 
@@ -71,7 +87,7 @@ def rollout(
     record: int = 0,
     first_task: int = 0,
     rewards: Rewards | None = None,
-    recorder: Recorder | None = None,
+    recorders: Sequence[Recorder] = (),
     on_step: Callable[[int, int], None] | None = None,
     body: Body | None = None,
     on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None = None,
@@ -80,7 +96,7 @@ def rollout(
 
     seed: of the sensors' noise and of odometry drift, nothing else; every policy meets the same. record: number of
     tasks, from the first, whose routes are kept. replanner, maturity: see NavSim. first_task: number of tasks[0] in
-    its split. rewards: those to add up, if any. recorder: keeps the course of some episodes. on_step(ended, total) is
+    its split. rewards: those to add up, if any. recorders: keep the course of episodes. on_step(ended, total) is
     told the progress. body: moves and senses the robots instead of our simulator, as many side by side as it has.
     on_drive(sim, numbers, moving) sees each period of the robots (N,) that moved. Raises TaskError for no tasks.
     """
@@ -115,7 +131,7 @@ def rollout(
                 on_step(before + ended, len(tasks))
 
         starts.append(sim.observe())
-        part, kept, earned = _drive(policy, sim, numbers, keep, rewards, recorder, progress, on_drive)
+        part, kept, earned = _drive(policy, sim, numbers, keep, rewards, recorders, progress, on_drive)
         parts.append(part)
         routes += kept
         returns.append(earned)
@@ -138,7 +154,7 @@ def _drive(
     numbers: NDArray[np.int64],
     keep: int,
     rewards: Rewards | None,
-    recorder: Recorder | None,
+    recorders: Sequence[Recorder],
     progress: Callable[[int], None],
     on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None,
 ) -> tuple[dict[str, NDArray[np.generic]], list[Array], Array]:
@@ -153,14 +169,14 @@ def _drive(
     # A start within the goal's tolerance has arrived, a start in contact has hit: neither is driven.
     ending[0], ending[1] = sim.b["reached"], sim.b["collided"] & ~sim.b["reached"].astype(bool)
     sim.b["active"][:] = ~ending.any(axis=0)
-    if recorder is not None:
+    for recorder in recorders:
         recorder.begin(sim, numbers)
     while sim.b["active"].any():
         active = sim.b["active"].astype(bool)
         before = sim.b["twist"][:, 1].copy()
         actions = policy.act_in(sim) if hasattr(policy, "act_in") else policy.act(sim.observe())  # pyright: ignore
         outcome = sim.step(actions)
-        if recorder is not None:
+        for recorder in recorders:
             recorder.add(sim, active, outcome)
         moving = (
             active & ~outcome.collided
@@ -178,7 +194,7 @@ def _drive(
         sim.b["active"][ending.any(axis=0)] = 0
         trace.append(sim.b["pose"][:keep, :2].copy())
         progress(int(ending.any(axis=0).sum()))
-    if recorder is not None:
+    for recorder in recorders:
         recorder.end(ending)
     distance, time_s = sim.b["travelled"].copy(), sim.b["time"].copy()
     columns = {

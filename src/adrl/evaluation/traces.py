@@ -81,7 +81,7 @@ _STEPS = ("weights", "paid")
 
 
 @dataclass
-class _Log:
+class StepLog:
     """Rows of the robots that were driving, step after step."""
 
     robot: list[NDArray[np.intp]] = field(default_factory=list)
@@ -101,7 +101,7 @@ class _Log:
         return [{name: column[whose == i] for name, column in columns.items()} for i in robots]
 
 
-class Recorder:
+class TraceRecorder:
     """Watches a rollout: begin, add after every step, end; then again for the next chunk of tasks."""
 
     def __init__(
@@ -131,7 +131,7 @@ class Recorder:
         self._robot, self._guidance = sim.robot, sim.guidance
         self._chunk = [task for task in sim.tasks if task is not None]
         self._chunk_numbers = numbers
-        self._states, self._steps, self._points = _Log(), _Log(), _Log()
+        self._states, self._steps, self._points = StepLog(), StepLog(), StepLog()
         self._every = max(1, round(ROUTE_SPACING_S / sim.robot.control_period_s))
         self._step = 0
         self._add_state(sim, np.arange(sim.num_envs))

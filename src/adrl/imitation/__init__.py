@@ -1,6 +1,18 @@
 """Imitation: demonstrations, the probe and the schedule that releases the expert."""
 
+from adrl.imitation.bag_demonstrations import BagSummary, read_demonstrations
+from adrl.imitation.bag_recording import BagTopics
 from adrl.imitation.demonstrations import Demonstrations, NoiseConfig, collect
 from adrl.imitation.minari_dataset import Source, load_minari, save_minari
 
-__all__ = ["Demonstrations", "NoiseConfig", "Source", "collect", "load_minari", "save_minari"]
+__all__ = [
+    "BagSummary",
+    "BagTopics",
+    "Demonstrations",
+    "NoiseConfig",
+    "Source",
+    "collect",
+    "load_minari",
+    "read_demonstrations",
+    "save_minari",
+]

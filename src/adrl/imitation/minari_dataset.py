@@ -41,6 +41,8 @@ class Source:
     encoder: EncoderConfig
     guidance: str
     scenario: str
+    demonstrator: str = "A*+DWA with noise"
+    """Who drove."""
     extra: Mapping[str, Any] = field(default_factory=dict)
     """Anything else worth keeping, as JSON takes it: seed, noise, split, ..."""
 
@@ -71,9 +73,9 @@ def save_minari(demonstrations: Demonstrations, path: PathLike, source: Source) 
     scenarios that go by a name. Raises DatasetError if path exists already or observations do not chain, and
     OSError.
     """
-    target = Path(path)
+    target = Path(path).absolute()  # Minari joins a relative one to itself
     if target.exists() and not (target.is_dir() and not any(target.iterdir())):
-        raise DatasetError(f"{target}: exists already; give another folder or delete it")
+        raise DatasetError(f"{path}: exists already; give another folder or delete it")
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = target.with_name(f".{target.name[:200]}.{uuid4().hex}.tmp")
     try:
@@ -136,7 +138,7 @@ def _write(data: Demonstrations, root: Path, name: str, source: Source) -> None:
         {
             "dataset_id": stem if re.search(r"-v\d+$", stem) else f"{stem}-v0",
             "minari_version": minari.__version__,
-            "algorithm_name": "A*+DWA with noise",
+            "algorithm_name": source.demonstrator,
             "description": f"Demonstrations for {ENV_ID}: the action executed; in infos the expert's, the "
             f"reward's terms {', '.join(REWARD_TERMS)} and the features {', '.join(FEATURES)}.",
             "requirements": [f"adrl>={description['version']}"],

@@ -1,0 +1,83 @@
+"""Messages of a bag, topic by topic, and errors that name file and topic."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from adrl.errors import DatasetError, MissingExtra
+
+SCAN_TOPIC = "/scan"
+ODOMETRY_TOPIC = "/odom"
+COMMAND_TOPIC = "/cmd_vel"
+SCANS = ("sensor_msgs/msg/LaserScan",)
+ODOMETRY = ("nav_msgs/msg/Odometry",)
+TWISTS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
+GOALS = ("geometry_msgs/msg/PoseStamped",)
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+
+
+class Bag:
+    """A bag that is open for reading."""
+
+    def __init__(self, path: Path, reader: Any) -> None:
+        self.path = path
+        self._reader = reader
+
+    @property
+    def topics(self) -> set[str]:
+        """Those it has, also the empty ones."""
+        return {connection.topic for connection in self._reader.connections}
+
+    def messages(self, topic: str, kinds: tuple[str, ...]) -> Iterator[tuple[float, Any]]:
+        """Messages of a topic, in the order recorded: seconds since the bag began, and the message.
+
+        The time is that at which the bag recorded it: the one clock that stamped all topics. kinds: the types that
+        will do, such as "sensor_msgs/msg/LaserScan". Raises DatasetError: no such topic, no message, another type.
+        """
+        connections = [line for line in self._reader.connections if line.topic == topic]
+        if not connections:
+            raise DatasetError(
+                f"{self.path}: no topic {topic}; it has {', '.join(sorted(self.topics)) or 'none'}"
+            )
+        for line in connections:
+            if line.msgtype not in kinds:
+                wanted = " or ".join(kind.replace("/msg/", "/") for kind in kinds)
+                found = line.msgtype.replace("/msg/", "/")
+                raise DatasetError(f"{self.path}: {topic} is of {found}; give a topic of {wanted}")
+        count = 0
+        try:
+            for line, nanoseconds, raw in self._reader.messages(connections=connections):
+                count += 1
+                yield (
+                    (nanoseconds - self._reader.start_time) * 1e-9,
+                    self._reader.deserialize(raw, line.msgtype),
+                )
+        except Exception as error:  # What a damaged bag makes rosbags raise is not documented.
+            raise DatasetError(f"{self.path}: {topic} is damaged after {count} messages ({error})") from error
+        if count == 0:
+            raise DatasetError(f"{self.path}: topic {topic} holds no message")
+
+
+@contextmanager
+def open_bag(path: Path) -> Iterator[Bag]:
+    """Open a ROS 1 bag file, or the folder of a ROS 2 bag. Raises MissingExtra without rosbags, DatasetError."""
+    try:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise MissingExtra(
+            "reading bags needs rosbags; install the extra: pip install 'adrl[bags]'"
+        ) from None
+    if not path.exists():
+        raise DatasetError(f"{path}: no such file; give a ROS 1 bag, or the folder of a ROS 2 bag")
+    try:
+        # Old ROS 2 bags do not say what their messages are; these have been the same in all releases.
+        reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+        reader.open()
+    except (AnyReaderError, OSError) as error:
+        raise DatasetError(f"{path}: not a readable bag ({error})") from None
+    try:
+        yield Bag(path, reader)
+    finally:
+        reader.close()

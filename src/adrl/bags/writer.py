@@ -1,0 +1,220 @@
+"""Writes what a robot saw, was told and did as ROS messages. Frames as in REP 103 and 105, free beams as in REP 117."""
+
+import math
+import os
+import shutil
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Self
+from uuid import uuid4
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.errors import ConfigError, MissingExtra
+from adrl.types import Array, RobotConfig
+
+TOPICS = {
+    "/scan": "sensor_msgs/msg/LaserScan",
+    "/odom": "nav_msgs/msg/Odometry",
+    "/cmd_vel": "geometry_msgs/msg/Twist",
+    "/goal_pose": "geometry_msgs/msg/PoseStamped",
+    "/plan": "nav_msgs/msg/Path",
+    "/tf": "tf2_msgs/msg/TFMessage",
+}
+"""What is written, and as what."""
+MAP, ODOM, BASE, LASER = "map", "odom", "base_link", "base_scan"
+"""Frames: the world, the robot's own reckoning, the robot, its LiDAR."""
+Pose = Sequence[float]
+"""x (m), y (m), yaw (rad)."""
+
+
+def require_new_bag(option: str, path: Path) -> None:
+    """Before the work starts: a bag can be made at path. Raises ConfigError, and MissingExtra without rosbags."""
+    try:
+        import rosbags  # noqa: F401  # pyright: ignore[reportUnusedImport]
+    except ImportError:
+        raise MissingExtra(
+            "writing bags needs rosbags; install the extra: pip install 'adrl[bags]'"
+        ) from None
+    if path.suffix in (".mcap", ".db3"):
+        raise ConfigError(
+            f"{option} {path}: a bag of ROS 2 is a folder; give {path.with_suffix('')}, or a file .bag for ROS 1"
+        )
+    if path.exists():
+        raise ConfigError(f"{option} {path} exists already; give another place or delete it")
+
+
+class BagWriter:
+    """A new bag: a file of ROS 1 where the name ends in .bag, else a folder of ROS 2 with MCAP in it.
+
+    Use it with `with`: the bag is there, whole, when that ends without an error. Times are seconds, 0 or more.
+    """
+
+    def __init__(self, path: Path, robot: RobotConfig) -> None:
+        """robot: whose LiDAR takes the scans. Raises ConfigError for a path that exists, MissingExtra."""
+        require_new_bag("bag", path)
+        self.path = path
+        self._robot = robot
+        self._ros1 = path.suffix == ".bag"
+        # rosbags names the file in a folder by the folder's name: what is temporary is the one above.
+        self._temporary = path.absolute().parent / f".{path.name[:200]}.{uuid4().hex}.tmp"
+        self._store = _typestore(ros1=self._ros1)
+        self._lines: dict[str, Any] = {}
+
+    def __enter__(self) -> Self:
+        self._temporary.mkdir(parents=True)
+        self._writer = _writer(self._temporary / self.path.name, ros1=self._ros1)
+        self._writer.open()
+        return self
+
+    def __exit__(self, kind: object, error: object, traceback: object) -> None:
+        try:
+            self._writer.close()
+            if kind is None:
+                os.replace(self._temporary / self.path.name, self.path)
+        finally:
+            shutil.rmtree(self._temporary, ignore_errors=True)
+
+    def scan(self, time_s: float, ranges: NDArray[np.floating]) -> None:
+        """(K,) ranges in metres; where nothing is within reach, max_range_m or more."""
+        lidar = self._robot.lidar
+        message = self._new(
+            "sensor_msgs/msg/LaserScan",
+            header=self._header(time_s, LASER),
+            angle_min=lidar.angle_min_rad,
+            angle_max=float(lidar.angles_rad[-1]),
+            angle_increment=lidar.angle_increment_rad,
+            time_increment=0.0,
+            scan_time=self._robot.control_period_s,
+            range_min=0.0,
+            range_max=lidar.max_range_m,
+            ranges=np.where(ranges >= np.float32(lidar.max_range_m), np.inf, ranges).astype(np.float32),
+            intensities=np.empty(0, np.float32),
+        )
+        self._write("/scan", time_s, message)
+
+    def odometry(self, time_s: float, pose: Pose, twist: Sequence[float]) -> None:
+        """Pose in the frame odom; speed (m/s) and yaw rate (rad/s) in base_link."""
+        new = self._new
+        message = new(
+            "nav_msgs/msg/Odometry",
+            header=self._header(time_s, ODOM),
+            child_frame_id=BASE,
+            pose=new("geometry_msgs/msg/PoseWithCovariance", pose=self._pose(pose), covariance=np.zeros(36)),
+            twist=new(
+                "geometry_msgs/msg/TwistWithCovariance", twist=self._twist(*twist), covariance=np.zeros(36)
+            ),
+        )
+        self._write("/odom", time_s, message)
+
+    def command(self, time_s: float, twist: Sequence[float]) -> None:
+        """Speed (m/s) and yaw rate (rad/s) that the base is told."""
+        self._write("/cmd_vel", time_s, self._twist(*twist))
+
+    def goal(self, time_s: float, goal: Sequence[float], frame: str) -> None:
+        """A goal (x, y) in metres, without a heading."""
+        self._write("/goal_pose", time_s, self._stamped(time_s, frame, (*goal, 0.0)))
+
+    def plan(self, time_s: float, path: Array, frame: str) -> None:
+        """(P, 2) the way to the goal."""
+        ahead = np.diff(path, axis=0, append=path[-1:])
+        yaws = np.arctan2(ahead[:, 1], ahead[:, 0])
+        poses = [self._stamped(time_s, frame, (x, y, yaw)) for (x, y), yaw in zip(path, yaws, strict=True)]
+        message = self._new("nav_msgs/msg/Path", header=self._header(time_s, frame), poses=poses)
+        self._write("/plan", time_s, message)
+
+    def transforms(self, time_s: float, pose: Pose, odometry: Pose) -> None:
+        """Where the robot is in the world, and by its own reckoning; and where on it the LiDAR is."""
+        lidar = self._robot.lidar
+        links = [
+            (MAP, ODOM, _compose(pose, _inverse(odometry))),
+            (ODOM, BASE, odometry),
+            (BASE, LASER, (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad)),
+        ]
+        new = self._new
+        transforms = [
+            new(
+                "geometry_msgs/msg/TransformStamped",
+                header=self._header(time_s, parent),
+                child_frame_id=child,
+                transform=new(
+                    "geometry_msgs/msg/Transform",
+                    translation=new("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=0.0),
+                    rotation=self._quaternion(yaw),
+                ),
+            )
+            for parent, child, (x, y, yaw) in links
+        ]
+        self._write("/tf", time_s, new("tf2_msgs/msg/TFMessage", transforms=transforms))
+
+    def _new(self, kind: str, **fields: Any) -> Any:
+        return self._store.types[kind](**fields)
+
+    def _header(self, time_s: float, frame: str) -> Any:
+        seconds, nanoseconds = divmod(_nanoseconds(time_s), 10**9)
+        stamp = self._new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+        number = {"seq": 0} if self._ros1 else {}
+        return self._new("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **number)
+
+    def _quaternion(self, yaw: float) -> Any:
+        z, w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+        return self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=z, w=w)
+
+    def _pose(self, pose: Pose) -> Any:
+        x, y, yaw = pose
+        point = self._new("geometry_msgs/msg/Point", x=float(x), y=float(y), z=0.0)
+        return self._new("geometry_msgs/msg/Pose", position=point, orientation=self._quaternion(yaw))
+
+    def _stamped(self, time_s: float, frame: str, pose: Pose) -> Any:
+        header = self._header(time_s, frame)
+        return self._new("geometry_msgs/msg/PoseStamped", header=header, pose=self._pose(pose))
+
+    def _twist(self, v: float, w: float) -> Any:
+        vector = self._store.types["geometry_msgs/msg/Vector3"]
+        return self._new(
+            "geometry_msgs/msg/Twist", linear=vector(float(v), 0.0, 0.0), angular=vector(0.0, 0.0, float(w))
+        )
+
+    def _write(self, topic: str, time_s: float, message: Any) -> None:
+        kind = TOPICS[topic]
+        if topic not in self._lines:
+            self._lines[topic] = self._writer.add_connection(topic, kind, typestore=self._store)
+        serialize = self._store.serialize_ros1 if self._ros1 else self._store.serialize_cdr
+        self._writer.write(self._lines[topic], _nanoseconds(time_s), serialize(message, kind))
+
+
+def _typestore(*, ros1: bool) -> Any:
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    if not ros1:
+        return get_typestore(Stores.ROS2_HUMBLE)
+    store = get_typestore(Stores.ROS1_NOETIC)
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TOPICS["/tf"]))
+    return store
+
+
+def _writer(path: Path, *, ros1: bool) -> Any:
+    if ros1:
+        from rosbags.rosbag1 import Writer
+
+        return Writer(path)
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    # Version 9 lays out quality of service anew; older releases read 8 too.
+    return Writer(path, version=8, storage_plugin=StoragePlugin.MCAP)
+
+
+def _nanoseconds(time_s: float) -> int:
+    return round(time_s * 1e9)
+
+
+def _compose(a: Pose, b: Pose) -> Pose:
+    """The pose b, given in the frame of a, in that of a's own frame."""
+    c, s = math.cos(a[2]), math.sin(a[2])
+    return a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], a[2] + b[2]
+
+
+def _inverse(a: Pose) -> Pose:
+    c, s = math.cos(a[2]), math.sin(a[2])
+    return -c * a[0] - s * a[1], s * a[0] - c * a[1], -a[2]
