@@ -292,7 +292,8 @@ def about_policy(
             "run": out.name,
             # Of the weights that a replay shows; maturity None: the policy's own.
             "reward": {
-                "constants": asdict(learner.reward),
+                "constants": asdict(learner.reward)
+                | {"extra_terms": list(map(str, learner.reward.extra_terms))},
                 "maturity": None if learner.dynamic_reward else learner.static_maturity,
             },
             **(setup_seconds or {}),

@@ -128,7 +128,7 @@ class CompareConfig(RunConfig):
             del learner["seed"]
             if name in SB3_METHODS:
                 learner["tuned"] = TUNED[SB3_METHODS[name]]
-            content[name] = json.loads(json.dumps(learner, allow_nan=False))
+            content[name] = json.loads(json.dumps(learner, default=str, allow_nan=False))
         return content
 
 
