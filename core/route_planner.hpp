@@ -59,51 +59,34 @@ class RoutePlanner {
     int width() const { return width_; }
 
   private:
-    struct Node { // of the search without headings; small, as the search is bound by memory
-        std::uint32_t g;
-        std::uint16_t stamp;
-        std::uint16_t cost; // of entering the cell straight on
-    };
-    struct CellNode { // what the search with headings knows of a cell
-        std::uint32_t stamp, expanded_g;
-        std::uint32_t estimate;
-        std::uint16_t cost;
-        std::uint8_t expanded_heading;
-        bool expanded;
-    };
-    struct State {                   // a cell entered with a heading
-        std::uint32_t g, stamp_from; // stamp << 8 | heading before the move
-    };
     struct Run {
         int row, first, last, parent;
     };
 
     std::size_t index(int row, int column) const { return static_cast<std::size_t>(row + 1) * stride_ + column + 1; }
     bool in_window(Cell c) const { return c.row >= 0 && c.column >= 0 && c.row < height_ && c.column < width_; }
-    bool is_end(Cell c) const {
-        if (!leaves_) return c.row == target_.row && c.column == target_.column;
+    bool is_end(std::size_t cell) const { return leaves_ ? on_border(cell_at(cell)) : cell == target_cell_; }
+    bool on_border(Cell c) const {
         return c.row == 0 || c.column == 0 || c.row == height_ - 1 || c.column == width_ - 1;
     }
     void measure(const std::int8_t *log_odds);
     void free_around(Cell start);
     void aim(Cell start, Cell goal);
     int root(int run);
-    std::uint32_t octile_units(Cell c) const;
-    std::uint32_t to_goal(std::uint32_t octile) const;
-    std::uint16_t entering(std::size_t cell, std::uint32_t octile) const;
-    Node &open(std::size_t cell, Cell c);
+    void prepare(int row);
+    void prepare_beside(std::size_t cell);
     Cell cell_at(std::size_t cell) const {
         const auto i = static_cast<std::uint32_t>(cell);
         const auto stride = static_cast<std::uint32_t>(stride_);
         return {static_cast<int>(i / stride) - 1, static_cast<int>(i % stride) - 1};
     }
-    std::uint32_t search(Cell start);
-    std::uint32_t search_headings(Cell start, double heading);
+    std::uint32_t search(std::size_t start);
+    std::uint32_t search_headings(std::size_t start, double heading);
     void expand(std::size_t cell, int heading, std::uint32_t g, bool first);
-    CellNode &visit(std::size_t cell, Cell c);
+    // Units to the cell on the cheapest way, turned there to a heading.
+    std::uint32_t turned_to(std::size_t cell, int heading) const;
     void trace(std::size_t start);
     void trace_headings(std::size_t start);
-    void next_stamp();
 
     int height_, width_, stride_; // stride of the padded arrays: a border of blocked cells spares the range checks
     double resolution_;
@@ -113,20 +96,26 @@ class RoutePlanner {
     int limit_;                                   // cells up to which clearance is measured
     std::uint32_t turn_straight_, turn_diagonal_; // units an eighth of a turn costs
     std::vector<std::uint8_t> level_of_;          // by squared clearance
-    std::vector<double> density_of_;              // by level
+    std::vector<double> density_of_, price_of_;   // by level: O, and k_obstacle O
     std::vector<std::uint8_t> column_;            // (H, W) distance along the column
     std::vector<std::uint16_t> row_;
     std::vector<std::uint16_t> clearance2_; // (H, W) squared, in cells
     std::vector<std::uint8_t> level_;       // padded; 0 blocked, else 1 + 254 O
     std::vector<Run> runs_;
     std::vector<int> first_run_; // of each row
-    std::vector<Node> nodes_;
-    std::vector<std::uint8_t> came_by_; // the move into each cell
-    std::vector<CellNode> cell_nodes_;
-    std::vector<State> states_;
+    // Padded like level_, of the rows from first_row_ to last_row_: those that the search came near to.
+    std::vector<std::uint8_t> moves_;     // bit k: move k out of the cell is free
+    std::vector<std::uint16_t> cost_;     // of entering the cell straight on, units
+    std::vector<std::uint32_t> estimate_; // of the way to the target, units
+    // Of a cell, or with headings of each of the eight ways into it:
+    std::vector<std::uint32_t> g_;       // least units to it so far
+    std::vector<std::uint8_t> came_by_;  // the move into the cell; with headings the one before
+    std::vector<std::uint32_t> least_g_; // with headings: the least of the eight, and its way
+    std::vector<std::uint8_t> least_heading_;
+    int first_row_ = 0, last_row_ = 0;
     BucketQueue queue_;
-    std::uint32_t stamp_ = 0;
-    Cell target_;         // estimates are of the way to it
+    Cell target_; // estimates are of the way to it
+    std::size_t target_cell_ = 0;
     bool leaves_ = false; // it lies outside, and the route ends at the border
     std::size_t end_ = 0; // cell in which the last route ends
     int end_heading_ = 0;

@@ -17,10 +17,10 @@ from adrl import files
 from adrl.agents import checkpoint
 from adrl.agents.config import TrainConfig
 from adrl.agents.interface import Validation
-from adrl.agents.methods import METHODS, method_config
+from adrl.agents.methods import Method, method_config, method_name
 from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy, resolve_policy
 from adrl.envs import Body, NavVectorEnv
-from adrl.errors import ConfigError, UnknownName
+from adrl.errors import ConfigError
 from adrl.evaluation.metrics import success_rate
 from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Demonstrations, Source, collect, load_minari
@@ -47,8 +47,8 @@ class RunConfig(Place):
 
     robot: Annotated[str | RobotConfig, tyro.conf.arg(constructor=str)] = "diffbot"
     """A robot's name (adrl list), a TOML file, or the object."""
-    method: str = "adrl"
-    """A training method; adrl list names them."""
+    method: Annotated[str | Method, tyro.conf.arg(constructor=str)] = "adrl"
+    """A training method's name (adrl list), or the function."""
     paper_literal: bool = False
     """Compute every equation as the paper prints it, whatever the method."""
     guidance: str = "goal"
@@ -84,8 +84,6 @@ class RunConfig(Place):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.method not in METHODS:
-            raise UnknownName("method", self.method, METHODS)
         if self.env == "gazebo" and self.resume:
             raise ConfigError("a run in Gazebo cannot be resumed: Gazebo keeps no state; start another")
         for name in ("num_envs", "task_pool", "validation_episodes"):
@@ -94,7 +92,9 @@ class RunConfig(Place):
         learner = self.resolved()
         _check_horizon(learner)
         if self.dataset is not None and not learner.schedule.imitates:
-            raise ConfigError(f"method {self.method!r} learns without demonstrations; leave out dataset")
+            raise ConfigError(
+                f"method {method_name(self.method)!r} learns without demonstrations; leave out dataset"
+            )
         if self.demonstration_steps < 0:
             raise ConfigError(f"demonstration_steps is {self.demonstration_steps}; give 0 or more")
 
@@ -240,7 +240,7 @@ def with_horizon_of(learner: TrainConfig, robot: RobotConfig) -> TrainConfig:
 def run_folder(config: RunConfig, scenario: Scenario) -> Path:
     """Where the run goes."""
     name = scenario.name.replace(":", "-")
-    return config.out or Path("runs") / f"{config.method}-{name}-s{config.learner.seed}"
+    return config.out or Path("runs") / f"{method_name(config.method)}-{name}-s{config.learner.seed}"
 
 
 def versions() -> dict[str, str]:
@@ -254,7 +254,9 @@ def _demonstrations(config: RunConfig, env: NavVectorEnv) -> Demonstrations:
     if config.dataset is not None:
         return load_minari(config.dataset, Source.of(env))
     if config.demonstration_steps == 0:
-        raise ConfigError(f"method {config.method!r} needs demonstrations; demonstration_steps is 0")
+        raise ConfigError(
+            f"method {method_name(config.method)!r} needs demonstrations; demonstration_steps is 0"
+        )
     return collect(env, config.demonstration_steps, seed=config.learner.seed)
 
 
@@ -269,7 +271,7 @@ def about_policy(
 
     setup_seconds: wall clock of what came before the first update, told apart.
     """
-    run = asdict(replace(config, robot=robot.name))
+    run = asdict(replace(config, robot=robot.name)) | {"method": method_name(config.method)}
     learner = config.resolved()
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next
@@ -277,7 +279,7 @@ def about_policy(
         robot=asdict(robot),
         encoder=asdict(config.encoder),
         guidance=config.guidance,
-        method=config.method,
+        method=method_name(config.method),
         extra={
             "environment": {
                 "scenario": scenario.name,
@@ -292,7 +294,8 @@ def about_policy(
             "run": out.name,
             # Of the weights that a replay shows; maturity None: the policy's own.
             "reward": {
-                "constants": asdict(learner.reward),
+                "constants": asdict(learner.reward)
+                | {"extra_terms": list(map(str, learner.reward.extra_terms))},
                 "maturity": None if learner.dynamic_reward else learner.static_maturity,
             },
             **(setup_seconds or {}),

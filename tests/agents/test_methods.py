@@ -1,20 +1,25 @@
 """The registry of methods: what each one switches on, off, or leaves exactly as it was."""
 
 from dataclasses import replace
+from importlib.metadata import EntryPoint
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import resume_run
+from adrl import registry
 from adrl.agents import checkpoint, networks
 from adrl.agents.backend import jnp
 from adrl.agents.config import Td3Config, TrainConfig
 from adrl.agents.methods import METHODS, method_config
 from adrl.agents.train import train
-from adrl.errors import UnknownName
+from adrl.comparison.config import CompareConfig
+from adrl.errors import ConfigError, UnknownName
 from adrl.imitation.probe import record_probe
 from adrl.imitation.schedule import ScheduleConfig
+from adrl.runs import RunConfig, about_policy, run_folder
+from adrl.types import RobotConfig
 from probe_envs import PLAIN, Aim, ProbeEnv, TwoSteps, Walk, record_demonstrations
 
 STEPS = 480
@@ -42,6 +47,44 @@ def test_without_imitation_adrl_is_rl_reward_and_with_static_weights_td3_to_the_
 def test_unknown_methods_are_refused_with_the_nearest():
     with pytest.raises(UnknownName, match="adrl-clock"):
         method_config("adrl_clock", TrainConfig())
+
+
+def slow_release(config: TrainConfig) -> TrainConfig:
+    """ADRL whose S rises more slowly."""
+    return replace(config, schedule=replace(config.schedule, rise_updates=9000.0))
+
+
+NO_METHOD = 7
+
+
+def test_a_method_is_given_as_a_function_or_offered_by_an_installed_package(monkeypatch: pytest.MonkeyPatch):
+    group = "adrl.methods"
+    offered = [
+        EntryPoint("slowly", f"{__name__}:slow_release", group),
+        EntryPoint("odd", f"{__name__}:NO_METHOD", group),
+        EntryPoint("td3", f"{__name__}:slow_release", group),
+    ]
+    monkeypatch.setattr(registry, "entry_points", lambda *, group: offered if group == "adrl.methods" else [])
+    monkeypatch.setattr(EntryPoint, "load", lambda point: globals()[point.value.rpartition(":")[2]])
+    slow = slow_release(TrainConfig())
+    assert RunConfig(method="slowly").resolved() == RunConfig(method=slow_release).resolved() == slow
+    assert RunConfig(method="td3").resolved() == METHODS["td3"](TrainConfig())
+    compared = CompareConfig(methods="slowly,td3,sb3-td3")
+    assert compared.run("slowly", 3, Path("run")).resolved() == replace(
+        slow, seed=3, eval_interval_steps=16_000
+    )
+    scenario = compared.load()
+    for method, name in (("slowly", "slowly"), (slow_release, "slow-release")):
+        config = RunConfig(method=method)
+        policy = about_policy(config, RobotConfig(), scenario, Path("run"))
+        assert policy.method == policy.extra["settings"]["method"] == name
+        assert run_folder(config, scenario).name == f"{name}-clutter-s0"
+    with pytest.raises(ConfigError, match="makes no TrainConfig"):
+        RunConfig(method="odd")
+    with pytest.raises(UnknownName, match="did you mean 'slowly'"):
+        RunConfig(method="slowy")
+    with pytest.raises(UnknownName, match="did you mean 'slowly'"):
+        CompareConfig(methods="td3,slowy")
 
 
 def test_methods_differ_and_say_what_they_are():

@@ -27,6 +27,7 @@ from adrl.report.figures import save
 from adrl.report.html import page, plotly_script
 from adrl.report.paper import paper_figures
 from adrl.report.source import Source, read_source
+from adrl.rewards import REWARD_TERMS
 from adrl.types import RobotConfig, World
 from adrl.worlds.map_scenario import MapScenario
 from map_files import write_map
@@ -121,6 +122,7 @@ def test_every_evaluation_has_its_share_of_the_replays() -> None:
             robot=RobotConfig(),
             guidance="goal",
             maturity=0.0,
+            terms=tuple(REWARD_TERMS),
             world=None,
             episodes=traces,
             tasks=np.arange(len(traces), dtype=np.int32),

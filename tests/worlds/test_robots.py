@@ -11,9 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from adrl import registry
 from adrl.errors import ConfigError, UnknownName
 from adrl.types import LidarConfig, RobotConfig
-from adrl.worlds import ROBOTS, load_robot, registry, robot_from_fields
+from adrl.worlds import ROBOTS, load_robot, robot_from_fields
 
 ALL_ROBOTS = pytest.mark.parametrize("name", ROBOTS)
 POSITIVE = st.floats(0.05, 5.0)

@@ -20,6 +20,7 @@ from adrl.imitation import schedule
 from adrl.imitation.probe import BoundsTable, Probe
 from adrl.imitation.schedule import Bounds, MaturityState
 from adrl.observation import Mirror
+from adrl.rewards import reward_terms
 
 F32 = NDArray[np.float32]
 
@@ -58,7 +59,14 @@ class Learner:
         of_targets = config.td3.n_step, config.td3.gamma
         self._mirror = mirror if config.mirror else None
         self.replay = Replay(
-            rows, num_envs, observation_size, *of_targets, demonstrations, self._mirror, config.failure_share
+            rows,
+            num_envs,
+            observation_size,
+            *of_targets,
+            demonstrations,
+            self._mirror,
+            config.failure_share,
+            len(reward_terms(config.reward)),
         )
         self._probe = None if probe is None else jnp.array(probe.observation, copy=True)
         self._bounds = None if probe is None else BoundsTable(probe, config.td3.gamma, config.reward)

@@ -8,7 +8,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from adrl.agents.config import TrainConfig
-from adrl.errors import UnknownName
+from adrl.errors import ConfigError
+from adrl.registry import look_up
+
+Method = Callable[[TrainConfig], TrainConfig]
 
 FOR_EVER = 2**31
 FIXED_LAMBDA = 0.3
@@ -99,7 +102,7 @@ def _fixed(config: TrainConfig, *, alpha: float, lambda_bc: float) -> TrainConfi
     )
 
 
-METHODS: dict[str, Callable[[TrainConfig], TrainConfig]] = {
+METHODS: dict[str, Method] = {
     "adrl": adrl,
     "adrl-literal": adrl_literal,
     "adrl-clock": adrl_clock,
@@ -116,8 +119,22 @@ METHODS: dict[str, Callable[[TrainConfig], TrainConfig]] = {
 }
 
 
-def method_config(name: str, config: TrainConfig) -> TrainConfig:
-    """The configuration of a method. Raises UnknownName with the nearest one."""
-    if name not in METHODS:
-        raise UnknownName("method", name, METHODS)
-    return METHODS[name](config)
+def method_name(method: str | Method) -> str:
+    """What a method is called in folders and results: a function goes by its own name, as ours do."""
+    return (
+        method
+        if isinstance(method, str)
+        else getattr(method, "__name__", type(method).__name__).replace("_", "-")
+    )
+
+
+def method_config(method: str | Method, config: TrainConfig) -> TrainConfig:
+    """The configuration of a method: by name (METHODS, or an entry point of group "adrl.methods"), or the function.
+
+    Raises UnknownName with the nearest one, ConfigError for what is no method.
+    """
+    found = look_up("method", method, METHODS) if isinstance(method, str) else method
+    learner = found(config) if callable(found) else None
+    if not isinstance(learner, TrainConfig):
+        raise ConfigError(f"method {method!r}: {found!r} makes no TrainConfig of a TrainConfig")
+    return learner

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.errors import CheckpointError
-from adrl.rewards import REWARD_TERMS, RewardConfig, reward, weights
+from adrl.rewards import RewardConfig, reward, reward_terms, weights
 
 F32 = NDArray[np.float32]
 
@@ -147,7 +147,7 @@ def reward_row(terms: F32, features: F32, maturity: float, config: RewardConfig)
     """Means over recent steps (N, T, ...) of each term r_i, each weight w'_i, and of the reward they make."""
     w = weights(features, maturity, config)
     row = {"reward_mean": float(reward(terms, features, maturity, config).mean())}
-    for i, name in enumerate(REWARD_TERMS):
+    for i, name in enumerate(reward_terms(config)):
         row[f"term/{name}"] = float(terms[..., i].mean())
         row[f"weight/{name}"] = float(w[..., i].mean())
     return row

@@ -18,11 +18,12 @@ from adrl.agents.losses import Batch, ExpertBatch
 from adrl.errors import CheckpointError, DatasetError
 from adrl.imitation.demonstrations import Demonstrations
 from adrl.observation import Mirror
+from adrl.rewards import FEATURES, REWARD_TERMS
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-NUM_TERMS, NUM_FEATURES, ACTION_SIZE = 6, 3, 2
+ACTION_SIZE = 2
 FAILURE_TERM = 1
 FAILURE_STEPS = 10
 """A window drawn for a failure starts in one of so many steps, the failing one the last."""
@@ -43,12 +44,14 @@ class Replay:
         demonstrations: Demonstrations | None = None,
         mirror: Mirror | None = None,
         failure_share: float = 0.0,
+        num_terms: int = len(REWARD_TERMS),
     ) -> None:
         """rows: T, at least n_step. n_step, gamma: of the targets. mirror: every other row that is sampled is
-        mirrored by it. failure_share: of the online rows sampled, those that lead to a failure. Raises DatasetError
-        if D differs."""
+        mirrored by it. failure_share: of the online rows sampled, those that lead to a failure. num_terms: R.
+        Raises DatasetError if D or R differ."""
         self._mirror, self._failure_share = mirror, failure_share
         self._failures = Failures()
+        self._num_terms = num_terms
         self.n_step = n_step
         self.rows = max(rows, n_step)
         self.num_envs = num_envs
@@ -61,7 +64,7 @@ class Replay:
             "observation": np.zeros((size, observation_size), np.float32),
             "next_observation": np.zeros((size, observation_size), np.float32),
             "action": np.zeros((size, ACTION_SIZE), np.float32),
-            "signals": np.zeros((size, NUM_TERMS + NUM_FEATURES + 1), np.float32),
+            "signals": np.zeros((size, num_terms + len(FEATURES) + 1), np.float32),
             "ending": np.zeros(size, np.uint8),
         }
         shape = num_envs, self.rows
@@ -80,6 +83,12 @@ class Replay:
             raise DatasetError(
                 f"demonstrations: an observation has {found} numbers, the environment's {observation_size}; "
                 "collect them with the same robot and encoder"
+            )
+        recorded = data.reward_terms.shape[1]
+        if recorded != self._num_terms:
+            raise DatasetError(
+                f"demonstrations: a step has {recorded} reward terms, the run's reward {self._num_terms}; "
+                "collect them with the run's reward"
             )
         sources = {
             "observation": data.observation,
@@ -110,8 +119,8 @@ class Replay:
         online["observation"][:, head] = observation
         online["next_observation"][:, head] = next_observation
         online["action"][:, head] = action
-        online["signals"][:, head, :NUM_TERMS] = terms
-        online["signals"][:, head, NUM_TERMS:-1] = features
+        online["signals"][:, head, : self._num_terms] = terms
+        online["signals"][:, head, self._num_terms : -1] = features
         online["signals"][:, head, -1] = maturity
         online["ending"][:, head] = _ending(terminated, truncated)
         self._failures.add(self.steps, terminated & (terms[:, FAILURE_TERM] < 0.0))
@@ -227,7 +236,7 @@ class Replay:
         """Reward terms and features of the last `rows` rows, at most those that hold data: (N, rows, ...)."""
         rows = min(rows, self.count)
         signals = self._online["signals"][:, np.arange(self.head - rows, self.head) % self.rows]
-        return signals[..., :NUM_TERMS], signals[..., NUM_TERMS:-1]
+        return signals[..., : self._num_terms], signals[..., self._num_terms : -1]
 
     def checksum(self) -> int:
         """Of the demonstrations: a resumed run must be given the same."""

@@ -261,7 +261,7 @@ class _Run:
         policy = self._policy_config
         about = {"robot": policy.robot, "encoder": policy.encoder, "guidance": policy.guidance}
         about |= {"method": policy.method, "environment": policy.extra.get("environment")}
-        return json.loads(json.dumps(self.config.comparable() | about))
+        return json.loads(json.dumps(self.config.comparable() | about, default=str))
 
     def close(self) -> None:
         """Close the log."""

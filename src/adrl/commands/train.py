@@ -4,6 +4,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from adrl.agents.methods import method_name
 from adrl.cli import STARTED_S
 from adrl.commands.options import console, parse, progress_bar, require_folder
 from adrl.runs import RunConfig, run_folder, train
@@ -21,7 +22,7 @@ def main(arguments: Sequence[str]) -> int:
     )
     require_folder("--out", config.out)
     last_drawn = 0.0
-    with progress_bar(f"{config.method} on {config.load().name}") as (bar, task):
+    with progress_bar(f"{method_name(config.method)} on {config.load().name}") as (bar, task):
 
         def show(progress: "Progress") -> None:
             nonlocal last_drawn

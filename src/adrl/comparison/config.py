@@ -13,6 +13,7 @@ from adrl.agents.methods import METHODS, method_config
 from adrl.baselines import SB3_METHODS
 from adrl.baselines.tuned import TUNED
 from adrl.errors import ConfigError, UnknownName
+from adrl.registry import look_up
 from adrl.runs import RunConfig
 from adrl.types import GUIDANCE
 from adrl.worlds import load_robot
@@ -58,8 +59,7 @@ class CompareConfig(RunConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in self.method_names:
-            if name not in METHODS and name not in SB3_METHODS:
-                raise UnknownName("method", name, [*METHODS, *SB3_METHODS, ALL])
+            look_up("method", name, {**METHODS, **SB3_METHODS, ALL: None})
         # The training's too: a worker would be the first to see it where the evaluation has its own.
         for name in (self.guidance, *self.guidance_names):
             if name not in GUIDANCE:
@@ -85,7 +85,7 @@ class CompareConfig(RunConfig):
     def run(self, method: str, seed: int, out: Path) -> RunConfig:
         """The run of one method and seed. A baseline's is that of td3: the same environment and reward."""
         values = {f.name: getattr(self, f.name) for f in fields(RunConfig)}
-        known = method if method in METHODS else "td3"
+        known = "td3" if method in SB3_METHODS else method
         values |= {"method": known, "out": out, "learner": replace(self.learner, seed=seed)}
         if not method_config(known, self.learner).schedule.imitates:
             values["dataset"] = None
@@ -128,7 +128,7 @@ class CompareConfig(RunConfig):
             del learner["seed"]
             if name in SB3_METHODS:
                 learner["tuned"] = TUNED[SB3_METHODS[name]]
-            content[name] = json.loads(json.dumps(learner, allow_nan=False))
+            content[name] = json.loads(json.dumps(learner, default=str, allow_nan=False))
         return content
 
 

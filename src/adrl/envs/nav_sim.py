@@ -54,7 +54,7 @@ class Outcome:
     collided: Mask
     timed_out: Mask
     reward_terms: F32
-    """(N, 6) r_i of eqs 7-12."""
+    """(N, R) r_i of eqs 7-12."""
     features: F32
     """(N, 3) T_obs, T_goal, T_stop of the state in which the action was taken."""
 

@@ -47,7 +47,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
     """N robots on tasks drawn from a scenario. Arrival and collision terminate, the time limit truncates.
 
     Observations (N, D) float32, see ObservationEncoder; actions (N, 2) float32 in [-1, 1]: speed, yaw rate.
-    info: reward_terms (N, 6), features (N, 3), success, collision (N,) and final_obs (N, D), the true
+    info: reward_terms (N, R), features (N, F), success, collision (N,) and final_obs (N, D), the true
     successor of every row, which differs from the observation where an episode has ended and another begun.
     """
 

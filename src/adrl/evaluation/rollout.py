@@ -103,6 +103,7 @@ def rollout(
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
     parts, routes, starts, returns, replans, done = [], [], [], [], [], 0
+    shown = rewards.config if rewards is not None else recorder.reward if recorder is not None else None
     side_by_side = CHUNK if body is None else body.num_envs
     for first in range(0, len(tasks), side_by_side):
         chunk = tasks[first : first + side_by_side]
@@ -112,7 +113,7 @@ def rollout(
             guidance=guidance,
             randomization=randomization,
             encoder=encoder,
-            reward=None if rewards is None else rewards.config,
+            reward=shown,
             replanner=replanner,
             maturity=maturity,
             num_threads=num_threads,

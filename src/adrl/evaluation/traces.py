@@ -16,7 +16,7 @@ from adrl.envs.nav_sim import NavSim, Outcome
 from adrl.errors import AdrlError, CheckpointError
 from adrl.evaluation.metrics import RATES
 from adrl.observation import in_robot_frame
-from adrl.rewards import RewardConfig, weights
+from adrl.rewards import REWARD_TERMS, RewardConfig, reward_terms, weights
 from adrl.types import Array, OccupancyGrid, RobotConfig, Task, World
 from adrl.worlds import robot_from_fields
 
@@ -67,6 +67,8 @@ class Traces:
     guidance: str
     maturity: float
     """S of the reward's weights."""
+    terms: tuple[str, ...]
+    """Names of the R reward terms."""
     world: World | None
     """The world of all tasks, None where they differ."""
     episodes: list[Trace]
@@ -113,7 +115,7 @@ class TraceRecorder:
         arrivals: int = ARRIVALS,
     ) -> None:
         """reward, maturity: of the weights that are shown. failures, arrivals: how many of each to keep."""
-        self._reward = reward or RewardConfig()
+        self.reward = reward or RewardConfig()
         self._maturity = maturity
         self._left = {True: arrivals, False: failures}
         self._episodes: list[Trace] = []
@@ -139,8 +141,8 @@ class TraceRecorder:
     def add(self, sim: NavSim, active: NDArray[np.bool_], outcome: Outcome) -> None:
         """One step of the robots that were driving, (N,) active."""
         rows = np.flatnonzero(active)
-        weight = weights(outcome.features, self._maturity, self._reward)
-        paid = self._reward.scale * weight * outcome.reward_terms
+        weight = weights(outcome.features, self._maturity, self.reward)
+        paid = self.reward.scale * weight * outcome.reward_terms
         self._steps.add(rows, weights=weight, paid=paid)
         self._step += 1
         self._add_state(sim, rows)
@@ -154,7 +156,7 @@ class TraceRecorder:
                 chosen.append(i)
         for i, states, steps in zip(chosen, self._states.of(chosen), self._steps.of(chosen), strict=True):
             task = self._chunk[i]
-            none = np.empty((0, 6), np.float32)
+            none = np.empty((0, len(reward_terms(self.reward))), np.float32)
             self._episodes.append(
                 Trace(
                     task=int(self._chunk_numbers[i]),
@@ -180,6 +182,7 @@ class TraceRecorder:
             robot=self._robot,
             guidance=self._guidance,
             maturity=self._maturity,
+            terms=tuple(reward_terms(self.reward)),
             world=next(iter(worlds.values())) if len(worlds) == 1 else None,
             episodes=self._episodes,
             tasks=np.array(self._numbers, np.int32),
@@ -233,6 +236,7 @@ def write_traces(path: str | os.PathLike[str], traces: Traces) -> None:
         "robot": asdict(traces.robot),
         "guidance": traces.guidance,
         "maturity": traces.maturity,
+        "reward_terms": list(traces.terms),
         "world": None if traces.world is None else place[id(traces.world)],
         "worlds": [_world_about(world) for world in worlds.values()],
         "episodes": [
@@ -284,6 +288,7 @@ def _unpack(about: dict[str, Any], tensors: dict[str, NDArray[Any]]) -> Traces:
         robot=robot_from_fields(about["robot"]),
         guidance=about["guidance"],
         maturity=about["maturity"],
+        terms=tuple(about.get("reward_terms", REWARD_TERMS)),  # as all had them once
         world=None if about["world"] is None else worlds[about["world"]],
         episodes=episodes,
         tasks=tensors["routes.task"],

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.errors import ConfigError, DatasetError
-from adrl.rewards import FEATURES, REWARD_TERMS
+from adrl.rewards import FEATURES, reward_terms
 
 if TYPE_CHECKING:
     from adrl.envs import NavVectorEnv
@@ -76,7 +76,8 @@ class Demonstrations:
         steps = len(self.observation)
         if steps == 0:
             raise DatasetError("the demonstrations hold no step; collect some first")
-        for name, shape in column_shapes(self.observation.shape[-1]).items():
+        num_terms = self.reward_terms.shape[-1]
+        for name, shape in column_shapes(self.observation.shape[-1], num_terms).items():
             array = getattr(self, name)
             if array.shape != (steps, *shape):
                 raise DatasetError(f"demonstrations: {name} is {array.shape}, expected {(steps, *shape)}")
@@ -103,14 +104,14 @@ class Demonstrations:
         return self.reward_terms[:, 0] > 0.0
 
 
-def column_shapes(observation_size: int) -> dict[str, tuple[int, ...]]:
-    """Shape of one step of each array of Demonstrations."""
+def column_shapes(observation_size: int, num_terms: int) -> dict[str, tuple[int, ...]]:
+    """D, R -> shape of one step of each array of Demonstrations."""
     return {
         "observation": (observation_size,),
         "action": (ACTION_SIZE,),
         "expert_action": (ACTION_SIZE,),
         "next_observation": (observation_size,),
-        "reward_terms": (len(REWARD_TERMS),),
+        "reward_terms": (num_terms,),
         "features": (len(FEATURES),),
         "terminated": (),
         "truncated": (),
@@ -140,7 +141,7 @@ def collect(
     observation, _ = env.reset(seed=seed)
     data = {
         name: np.empty((n, rows, *shape), bool if name in ("terminated", "truncated") else np.float32)
-        for name, shape in column_shapes(observation.shape[1]).items()
+        for name, shape in column_shapes(observation.shape[1], len(reward_terms(env.sim.reward))).items()
     }
     bursts = _Bursts(noise or NoiseConfig(), n, env.robot.control_period_s, np.random.default_rng((seed, 1)))
     for t in range(rows):

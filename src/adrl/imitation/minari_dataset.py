@@ -145,6 +145,11 @@ def _write(data: Demonstrations, root: Path, name: str, source: Source) -> None:
             DESCRIPTION_KEY: json.dumps(description),
         }
     )
+    if data.reward_terms.shape[1] != len(REWARD_TERMS):
+        raise DatasetError(
+            f"a step has {data.reward_terms.shape[1]} reward terms; a dataset holds the {len(REWARD_TERMS)} built-in "
+            "ones: collect it without reward.extra_terms"
+        )
     rewards = reward(data.reward_terms, data.features, REWARD_MATURITY, RewardConfig())
     last = np.flatnonzero(data.ended)
     buffers = []

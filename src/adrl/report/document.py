@@ -1,7 +1,7 @@
 """From a report's source to the data its page shows: plain JSON, small enough to open at once."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,14 +14,14 @@ from adrl.report.encode import numbers, packed, world_content, world_picture
 from adrl.report.failure_map import failure_map
 from adrl.report.metrics_log import read_metrics
 from adrl.report.source import Evaluated, Source
-from adrl.rewards import REWARD_TERMS
 from adrl.types import RobotConfig, World
 
 MOST_REPLAYS, MOST_FRAMES, MOST_BEAMS = 32, 300, 120
 """Of a whole report, of a replay, of a scan: together they bound the size of the page."""
 MOST_POINTS = 400
 """Of a curve."""
-SHAPING = tuple(name for name in REWARD_TERMS if name not in ("success", "failure"))
+FIXED = ("success", "failure")
+"""Reward terms whose weight is fixed; the others are charted."""
 
 # Title, unit, and the columns of metrics.jsonl that a chart shows, with their names.
 RUN_CHARTS: tuple[tuple[str, str, dict[str, str]], ...] = (
@@ -37,8 +37,6 @@ RUN_CHARTS: tuple[tuple[str, str, dict[str, str]], ...] = (
         {"q_mean": "mean Q", "statistic": "maturity's statistic", "promised": "promised", "came": "came"},
     ),
     ("Return of an episode", "", {"return_mean": "mean return"}),
-    ("Reward weights", "", {f"weight/{name}": name for name in SHAPING}),
-    ("Reward terms", "", {f"term/{name}": name for name in SHAPING}),
 )
 COMPARED: tuple[tuple[str, str, str], ...] = (
     ("success", "Success on validation tasks", "%"),
@@ -67,7 +65,6 @@ def document(source: Source) -> dict[str, Any]:
         ],
         "solved": None if source.driven is None else _solved(source.driven),
         "final": {method: _final(paths) for method, paths in source.logs.items()},
-        "terms": list(REWARD_TERMS),
         "worlds": worlds.contents,
     }
 
@@ -131,6 +128,7 @@ def _evaluation(entry: Evaluated, chosen: Sequence[Trace], worlds: _Worlds) -> d
             "smoothness": numbers(episodes.smoothness, 3),
         },
         "maturity": None if traces is None else round(traces.maturity, 4),
+        "terms": [] if traces is None else list(traces.terms),
         "robot_shape": None if traces is None else _shape(traces.robot),
         "replays": [] if traces is None else [_replay(trace, traces.robot, worlds) for trace in chosen],
         "map": None if traces is None else _map(entry, traces),
@@ -183,8 +181,9 @@ def _replay(trace: Trace, robot: RobotConfig, worlds: _Worlds) -> dict[str, Any]
     last = len(trace.pose) - 1
     frames = np.unique(np.linspace(0, last, min(last + 1, MOST_FRAMES)).round().astype(np.intp))
     # Of the step that led to the frame; the start shows the first step's weights, and nothing paid.
-    paid = np.concatenate([np.zeros((1, len(REWARD_TERMS))), np.cumsum(trace.paid, axis=0)])
-    weights = np.concatenate([trace.weights[:1], trace.weights]) if last else np.zeros((1, len(REWARD_TERMS)))
+    nothing = np.zeros((1, trace.paid.shape[1]))
+    paid = np.concatenate([nothing, np.cumsum(trace.paid, axis=0)])
+    weights = np.concatenate([trace.weights[:1], trace.weights]) if last else nothing
     ranges = trace.ranges[frames][:, _beams(robot.lidar.num_beams)]
     return {
         "task": trace.task,
@@ -232,10 +231,20 @@ def _run_charts(logs: Mapping[str, Sequence[Path]]) -> list[dict[str, Any]]:
     charts = []
     for paths in logs.values():
         rows = read_metrics(paths[0])
-        for title, unit, names in RUN_CHARTS:
+        of_reward = [
+            (title, "", _shaping(rows, prefix))
+            for title, prefix in (("Reward weights", "weight/"), ("Reward terms", "term/"))
+        ]
+        for title, unit, names in (*RUN_CHARTS, *of_reward):
             series = [_single(rows, key, name, unit) for key, name in names.items()]
             charts.append({"title": title, "unit": unit, "series": [entry for entry in series if entry]})
     return [chart for chart in charts if chart["series"]]
+
+
+def _shaping(columns: Iterable[str], prefix: str) -> dict[str, str]:
+    """Columns of the shaping terms, with their names: a run may have other ones than the paper."""
+    named = {key: key.removeprefix(prefix) for key in columns if key.startswith(prefix)}
+    return {key: name for key, name in named.items() if name not in FIXED}
 
 
 def _single(rows: Mapping[str, NDArray[np.float64]], key: str, name: str, unit: str) -> dict[str, Any] | None:

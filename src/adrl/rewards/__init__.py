@@ -1,9 +1,20 @@
-"""The reward: six terms (eqs 7-12), their weights (eqs 13-16) and the sum (eq 17)."""
+"""The reward: the terms (eqs 7-12), their weights (eqs 13-16) and the sum (eq 17)."""
 
-from adrl.rewards.config import RewardConfig
+from adrl.rewards.config import RewardConfig, RewardTerm
 from adrl.rewards.features import FEATURES, features
 from adrl.rewards.matrix import reward
-from adrl.rewards.terms import REWARD_TERMS, Step, terms
+from adrl.rewards.terms import REWARD_TERMS, Step, reward_terms, terms
 from adrl.rewards.weights import weights
 
-__all__ = ["FEATURES", "REWARD_TERMS", "RewardConfig", "Step", "features", "reward", "terms", "weights"]
+__all__ = [
+    "FEATURES",
+    "REWARD_TERMS",
+    "RewardConfig",
+    "RewardTerm",
+    "Step",
+    "features",
+    "reward",
+    "reward_terms",
+    "terms",
+    "weights",
+]

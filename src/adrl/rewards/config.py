@@ -1,17 +1,43 @@
 """Constants of the reward. Terms keep the paper's numbers; `scale` brings their sum near 1."""
 
+import functools
 import math
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+import tyro
 
 from adrl.errors import ConfigError
+from adrl.registry import look_up
 from adrl.types import Form, require_forms
+
+if TYPE_CHECKING:
+    from adrl.rewards.terms import Array, Step
 
 EQUATIONS = ("eq8", "eq9", "eq10", "eq11", "eq14", "eq16", "eq17")
 """The equations that have two forms."""
 
 STANDING_AT_WORST = 3.3
 """The most that a reference period of standing costs: the least the weighted shaping terms can sum to."""
+
+
+class RewardTerm:
+    """A shaping term that is not one of the paper's six, or takes the place of one."""
+
+    def __init__(
+        self,
+        name: str,
+        value: "Callable[[Step, RewardConfig], Array]",
+        weight: Callable[[Any, Any, Any, Any], Any],
+    ) -> None:
+        """name: that of one of the four shaping terms takes its place. value: (N,) what a step pays. weight(T_obs,
+        T_goal, T_stop, S): before normalisation, as in eqs 14 and 15; of numpy's and of JAX's arrays."""
+        self.name, self.value, self.weight = name, value, weight
+
+    def __str__(self) -> str:
+        return self.name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +65,8 @@ class RewardConfig:
     """Weight of the failure row; fixed."""
     scale: float = 0.02
     """Factor on the weighted sum (eq 17), so that values stay within a few units."""
+    extra_terms: tuple[Annotated[str | RewardTerm, tyro.conf.arg(constructor=str)], ...] = ()
+    """Shaping terms beside the paper's: RewardTerm objects, or names of the entry point group "adrl.reward_terms"."""
     eq8: Form = "corrected"
     """Failure. Literal: distance to the obstacles' middle points, and a timeout fails too and terminates."""
     eq9: Form = "corrected"
@@ -56,7 +84,15 @@ class RewardConfig:
 
     def __post_init__(self) -> None:
         require_forms(self, *EQUATIONS)
-        for name in set(self.__dataclass_fields__) - set(EQUATIONS):
+        object.__setattr__(self, "extra_terms", tuple(self.extra_terms))  # JSON has lists
+        for term in self.extra_terms:
+            if not isinstance(term, (str, RewardTerm)):
+                raise ConfigError(f"reward.extra_terms holds {term!r}; give names, or RewardTerm objects")
+        for name, count in Counter(map(str, self.extra_terms)).items():
+            if count > 1 or name in ("success", "failure"):
+                fault = "is there twice" if count > 1 else "has a fixed weight"
+                raise ConfigError(f"reward.extra_terms: {name!r} {fault}; give another name")
+        for name in set(self.__dataclass_fields__) - {"extra_terms", *EQUATIONS}:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise ConfigError(f"reward.{name} is {value}; give a positive number")
@@ -66,3 +102,15 @@ class RewardConfig:
     def literal(self) -> Self:
         """The same constants with every equation as printed."""
         return replace(self, **dict.fromkeys(EQUATIONS, "literal"))
+
+    def extra(self) -> tuple[RewardTerm, ...]:
+        """The extra terms. Raises UnknownName for a name that no installed package offers."""
+        return tuple(_offered(term) if isinstance(term, str) else term for term in self.extra_terms)
+
+
+@functools.cache
+def _offered(name: str) -> RewardTerm:
+    found = look_up("reward term", name, {})
+    if not isinstance(found, RewardTerm):
+        raise ConfigError(f"reward term {name!r}: its entry point gives {found!r}, not a RewardTerm")
+    return found

@@ -1,4 +1,4 @@
-"""The six sub-rewards, eqs 7 to 12. A term is a function and one line in REWARD_TERMS.
+"""The six sub-rewards, eqs 7 to 12. A term is a function and one line in REWARD_TERMS; RewardConfig may add others.
 
 The corrected formulas are for a step of one reference period; the four shaping terms of another step are paid in
 proportion. Literal forms are the paper's numbers as they stand.
@@ -157,6 +157,12 @@ REWARD_TERMS: dict[str, Callable[[Step, RewardConfig], Array]] = {
 }
 
 
+def reward_terms(config: RewardConfig) -> dict[str, Callable[[Step, RewardConfig], Array]]:
+    """The R terms of a reward: the six, then the extra ones; one with the name of one of the six takes its place."""
+    return REWARD_TERMS | {term.name: term.value for term in config.extra()}
+
+
 def terms(step: Step, config: RewardConfig) -> NDArray[np.float32]:
-    """(N, R) sub-rewards of a step, columns in the order of REWARD_TERMS."""
-    return np.stack([term(step, config) for term in REWARD_TERMS.values()], axis=-1).astype(np.float32)
+    """(N, R) sub-rewards of a step, columns in the order of reward_terms(config)."""
+    values = reward_terms(config).values()
+    return np.stack([term(step, config) for term in values], axis=-1).astype(np.float32)

@@ -22,11 +22,11 @@ def _approach_literal(t_obs: Any, t_goal: Any, t_stop: Any, s: Any) -> Any:
 
 
 def weights(features: Any, maturity: Any, config: RewardConfig) -> Any:
-    """w'_i of eq 16: (..., F) features, S in [0, 1], one or (...) -> (..., R) weights in the order of REWARD_TERMS.
+    """w'_i of eq 16: (..., F) features, S in [0, 1], one or (...) -> (..., R) weights.
 
-    The four shaping rows are divided by their sum. Success and failure keep a fixed weight: normalised with
-    the others, they would make a crash cheaper than standing in front of an obstacle. Literal: all six are
-    divided by the sum of the six.
+    In the order of reward_terms(config). The shaping rows are divided by their sum. Success and failure keep a fixed
+    weight: normalised with the others, they would make a crash cheaper than standing in front of an obstacle.
+    Literal: all are divided by the sum of all.
     """
     xp = features.__array_namespace__()
     maturity = xp.asarray(maturity, dtype=features.dtype)
@@ -34,6 +34,7 @@ def weights(features: Any, maturity: Any, config: RewardConfig) -> Any:
     shaping = SHAPING_ROWS
     if config.eq14 == "literal":
         shaping = shaping | {"approach": _approach_literal}
+    shaping = shaping | {term.name: term.weight for term in config.extra()}
     rows = [row(*columns, maturity) for row in shaping.values()]
     total = sum(rows[1:], start=rows[0])
     fixed = [xp.full_like(total, config.success_weight), xp.full_like(total, config.failure_weight)]

@@ -6,6 +6,7 @@ tasks of a split.
 """
 
 from adrl.errors import ConfigError
+from adrl.registry import look_up
 from adrl.types import Scenario
 from adrl.worlds.barn import BarnScenario, load_barn
 from adrl.worlds.cellular import Cellular
@@ -13,7 +14,6 @@ from adrl.worlds.clutter import Clutter
 from adrl.worlds.complex import Complex
 from adrl.worlds.dynamic import Dynamic
 from adrl.worlds.map_scenario import MapScenario
-from adrl.worlds.registry import look_up
 from adrl.worlds.robots import ROBOTS, load_robot, robot_from_fields
 from adrl.worlds.rooms import Rooms
 from adrl.worlds.ros_map import load_map

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from adrl.errors import ConfigError
+from adrl.registry import look_up
 from adrl.types import LidarConfig, RobotConfig
-from adrl.worlds.registry import look_up
 
 # TurtleBot3: speeds and the LDS-01 (360 beams, 3.5 m) from ROBOTIS' specification, accelerations and the
 # period from the turtlebot3_navigation DWA parameters, sensor mounts and noise from turtlebot3_description.

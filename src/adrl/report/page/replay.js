@@ -101,7 +101,7 @@ function buildReplay() {
     state.follow = wholeView(replay).side > 16;
     canvas.setAttribute('aria-label', `${evaluation.label}, ${replayName(replay)}: the robot in its world from above`);
     const curve = (array, column, name, index, decimals) => ({ name, index, decimals, value: (frame) => array(frame, column) });
-    const shaping = DATA.terms.map((name, k) => [name, k]).filter(([name]) => name !== 'success' && name !== 'failure');
+    const shaping = evaluation.terms.map((name, k) => [name, k]).filter(([name]) => name !== 'success' && name !== 'failure');
     strips.weights.open(replay, shaping.map(([name, k], index) => curve(read.weights, k, name, index)));
     strips.paid.open(replay, shaping.map(([name, k], index) => curve(read.paid, k, name, index)));
     strips.motion.open(replay, [
@@ -118,7 +118,7 @@ function buildReplay() {
     const facts = [[el('span', { class: `ending ${replay.ending}` }, replay.ending)], [`guidance ${evaluation.guidance}`]];
     if (known.length > 1) facts.unshift([evaluation.label]);
     if (evaluation.maturity !== null && evaluation.method !== 'astar-dwa') facts.push([`S ${fixed(evaluation.maturity, 2)} in the weights`]);
-    DATA.terms.forEach((name, k) => {
+    evaluation.terms.forEach((name, k) => {
       const paid = read.paid(read.paid.rows - 1, k);
       if ((name === 'success' || name === 'failure') && paid !== 0) facts.push([`${name} pays ${fixed(paid, 2)} at the end`]);
     });
