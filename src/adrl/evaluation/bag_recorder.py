@@ -25,6 +25,8 @@ class BagRecorder:
     `map`, else odom. `/plan` is the A* path there, with `replan` each new way over a waypoint.
     """
 
+    reward = None
+
     def __init__(self, writer: BagWriter, tasks: Collection[int] | None = None) -> None:
         """tasks: numbers in their split; all when None."""
         self._writer = writer

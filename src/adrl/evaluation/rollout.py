@@ -33,6 +33,11 @@ class PrivilegedPolicy(Protocol):
 class Recorder(Protocol):
     """Watches a rollout: begin, add after every step, end; then again for the next tasks."""
 
+    @property
+    def reward(self) -> RewardConfig | None:
+        """The reward whose terms it is shown; None where it shows none."""
+        ...
+
     def begin(self, sim: NavSim, numbers: NDArray[np.int64]) -> None:
         """Robots of the simulator stand at the starts of the tasks with these numbers in their split."""
         ...
@@ -103,7 +108,8 @@ def rollout(
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
     parts, routes, starts, returns, replans, done = [], [], [], [], [], 0
-    shown = rewards.config if rewards is not None else recorder.reward if recorder is not None else None
+    asked = [recorder.reward for recorder in recorders] if rewards is None else [rewards.config]
+    shown = next((config for config in asked if config is not None), None)
     side_by_side = CHUNK if body is None else body.num_envs
     for first in range(0, len(tasks), side_by_side):
         chunk = tasks[first : first + side_by_side]
