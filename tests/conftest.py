@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings
 
+from refusals import Adrl
+
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
@@ -57,3 +59,11 @@ def browser(chromium: str) -> "Iterator[Browser]":
         browser = playwright.chromium.launch(executable_path=chromium, args=arguments, timeout=120_000)
         yield browser
         browser.close()
+
+
+@pytest.fixture
+def adrl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Adrl:
+    """adrl in a folder of the test's own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    return Adrl(tmp_path, capsys)

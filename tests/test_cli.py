@@ -255,11 +255,13 @@ class TestEvaluate:
             return rollout(*arguments, **options)
 
         monkeypatch.setattr("adrl.api.rollout", spy)
-        self.evaluate(run, tmp_path, "--guidance", "replan")
-        self.evaluate(run, tmp_path, "--guidance", "replan", "--paper-literal")
+        corrected = self.evaluate(run, tmp_path, "--guidance", "replan")
+        printed = self.evaluate(run, tmp_path, "--guidance", "replan", "--paper-literal")
         plain, literal = used
         assert (literal.eq18, literal.eq20, literal.eq21) == ("literal",) * 3
         assert plain != literal == plain.literal()
+        assert (corrected["paper_literal"], printed["paper_literal"]) == (False, True)
+        assert printed["trained_paper_literal"] is False
 
     def test_paper_literal_without_the_replanner_is_refused(
         self, run: Path, capsys: pytest.CaptureFixture[str]

@@ -92,6 +92,7 @@ def evaluate(
             f"paper_literal sets the equations of guidance replan, and guidance is {about['guidance']}; give replan"
         )
     constants = replanner or (setup.replanner if setup else ReplannerConfig())
+    constants = constants.literal() if paper_literal else constants
     if tasks is None:
         tasks = task_set(place, config, split, episodes)
     else:
@@ -111,7 +112,7 @@ def evaluate(
             config,
             guidance=about["guidance"],
             encoder=setup.encoder if setup else None,
-            replanner=constants.literal() if paper_literal else constants,
+            replanner=constants,
             maturity=driver.config.maturity if isinstance(driver, MlpPolicy) else 0.0,
             seed=seed,
             num_threads=num_threads,
@@ -122,7 +123,14 @@ def evaluate(
             on_drive=on_drive,
         )
     simulator = "native" if body is None else type(body).__name__.lower()
-    meta = RunMeta(**about, robot=config.name, scenario=place.name, split=split, simulator=simulator)
+    meta = RunMeta(
+        **about,
+        robot=config.name,
+        scenario=place.name,
+        split=split,
+        simulator=simulator,
+        paper_literal=about["guidance"] == "replan" and constants == constants.literal(),
+    )
     summary = summarise(result.episodes, meta)
     if out is not None and traces is not None:
         out.mkdir(parents=True, exist_ok=True)
@@ -166,6 +174,7 @@ def _driver(
         "train_seconds": extra.get("train_seconds"),
         "env_steps": extra.get("env_steps"),
         "gradient_updates": extra.get("gradient_updates"),
+        "trained_paper_literal": extra.get("paper_literal"),
     }
     return policy, about, setup, named or setup.robot
 

@@ -300,6 +300,7 @@ def about_policy(
             },
             **(setup_seconds or {}),
             "scenario": scenario.name,
+            "paper_literal": learner == learner.literal(),
             "settings": json.loads(json.dumps(run, default=str)),
         },
     )

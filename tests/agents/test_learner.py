@@ -1,6 +1,7 @@
 """Laws of the learner: whose rows it learns from, when, and that its updates own what they read."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,10 +11,12 @@ import resume_run
 from adrl.agents.backend import jax
 from adrl.agents.learner import Learner
 from adrl.agents.methods import method_config
+from adrl.agents.networks import critic_sizes
 from adrl.deploy.policy import PolicyConfig
 from adrl.errors import ConfigError
 from adrl.imitation.probe import Probe, record_probe
 from adrl.imitation.schedule import MaturityState, ScheduleConfig, alpha
+from adrl.types import Form
 from probe_envs import Walk
 
 CONFIG = resume_run.config(1)
@@ -84,6 +87,51 @@ def test_expert_rows_follow_alpha_of_the_maturity():
     assert learner.maturity == 1.0
     assert learner.expert_rows == round(alpha(MaturityState(maturity=1.0), schedule) * 16)
     assert learner.lambda_bc == pytest.approx(schedule.lambda_max * np.exp(-schedule.k_q))
+
+
+@pytest.mark.parametrize(
+    ("eq2", "share", "mean"), [("literal", 0.25, -0.25), ("literal", 0.75, 3.25), ("corrected", 0.75, 3.0)]
+)
+def test_eq_2_as_printed_follows_alpha_and_on_the_probe_does_not(eq2: Form, share: float, mean: float):
+    """A critic that says 10 v for v, the first number of the action, which is -0.2 online, 0.5 the expert's, 0.3 pi's.
+
+    Of 16 rows alpha = 0.25 takes 4 of the expert's: (12 * -2 + 4 * 5) / 16 = -0.25. With alpha = 0.75 it is
+    (4 * -2 + 12 * 5) / 16 = 3.25. On the probe it is 10 * 0.3.
+    """
+    schedule = ScheduleConfig(eq2=eq2, alpha_min=share, alpha_max=share, interval_updates=1)
+    still = {"critic_learning_rate": 1e-12, "actor_learning_rate": 1e-12}
+    td3 = replace(CONFIG.td3, critic_layer_norm=False, **still)
+    learner = make(pretrain_updates=0, schedule=schedule, td3=td3)
+    critic = says_ten_times_the_speed(critic_sizes(2, td3.widths))
+    learner.state = learner.state._replace(
+        critics=jax.numpy.tile(critic, 2),
+        target_critics=jax.numpy.tile(critic, 2),
+        actor=jax.numpy.zeros_like(learner.state.actor).at[-2].set(np.arctanh(0.3)),
+    )
+    nothing, action, ended = (
+        np.zeros((4, 9), np.float32),
+        np.full((4, 2), -0.2, np.float32),
+        np.zeros(4, bool),
+    )
+    for _ in range(40):
+        observation, terms, features = nothing[:, :2], nothing[:, :6], nothing[:, 6:]
+        learner.replay.add(observation, action, terms, features, observation, ended, ended, 0.5)
+    learner.update()
+    learner.mature()
+    assert learner.row()["statistic"] == pytest.approx(mean, abs=1e-5)
+
+
+def says_ten_times_the_speed(sizes: tuple[int, ...]) -> np.ndarray:
+    """Parameters of a critic of (observation, action): 10 relu(v + 1) - 10 for the action's first number v >= -1."""
+    layers = []
+    for i, o in pairwise(sizes[:-1]):
+        weight, bias = np.zeros((i, o)), np.zeros(o)
+        weight[0 if layers else i - 2, 0] = 1.0
+        bias[0] = 0.0 if layers else 1.0
+        layers += [weight.ravel(), bias]
+    last = np.zeros(sizes[-2])
+    last[0] = 10.0
+    return np.concatenate([*layers, last, [-10.0]]).astype(np.float32)
 
 
 def test_a_method_that_does_not_imitate_uses_no_demonstrations_and_no_schedule():

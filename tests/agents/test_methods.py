@@ -87,6 +87,20 @@ def test_a_method_is_given_as_a_function_or_offered_by_an_installed_package(monk
         CompareConfig(methods="td3,slowy")
 
 
+@pytest.mark.parametrize(
+    ("config", "literal"),
+    [
+        (RunConfig(), False),
+        (RunConfig(paper_literal=True), True),
+        (RunConfig(method="td3", paper_literal=True), True),
+        (RunConfig(method="adrl-literal"), True),
+    ],
+)
+def test_a_policy_says_whether_it_was_trained_as_printed(config: RunConfig, literal: bool):
+    policy = about_policy(config, RobotConfig(), config.load(), Path("run"))
+    assert policy.extra["paper_literal"] is literal
+
+
 def test_methods_differ_and_say_what_they_are():
     configs = {name: method_config(name, TrainConfig()) for name in METHODS}
     assert len({repr(config) for config in configs.values()}) == len(METHODS)

@@ -34,6 +34,8 @@ ABOUT = (
     "guidance",
     "split",
     "simulator",
+    "paper_literal",
+    "trained_paper_literal",
     "episodes",
 )
 MEASURED = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")

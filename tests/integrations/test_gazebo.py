@@ -21,7 +21,7 @@ from adrl.evaluation.results import compare_paired
 from adrl.evaluation.rollout import rollout
 from adrl.integrations.gazebo import Gazebo
 from adrl.integrations.gazebo.model import body_of, robot_model, wheel_torque_nm
-from adrl.integrations.gazebo.server import gazebo_folder, is_installed
+from adrl.integrations.gazebo.server import gazebo_folder, is_installed, plugin_file
 from adrl.observation import EncoderConfig
 from adrl.types import LidarConfig, RobotConfig, Task, World
 from adrl.worlds import ROBOTS, SCENARIOS, load_robot, robot_from_fields, task_set
@@ -194,6 +194,22 @@ def test_without_gazebo_the_error_says_what_to_run(monkeypatch: pytest.MonkeyPat
         Gazebo(ROBOT)
     with pytest.raises(MissingExtra, match="scripts/gazebo-chroot"):
         gymnasium.make("adrl/Gazebo-v0", world="clutter")
+
+
+@pytest.mark.parametrize("place", ["", "root/opt/adrl"])
+def test_a_plugin_built_of_other_source_is_not_taken(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, place: str
+) -> None:
+    monkeypatch.setenv("ADRL_GAZEBO", str(tmp_path))
+    built = tmp_path / place
+    built.mkdir(parents=True, exist_ok=True)
+    for old in ("libadrl_lockstep.so", "libadrl_lockstep-0123456789ab.so"):
+        (built / old).touch()
+    assert not is_installed()
+    with pytest.raises(MissingExtra, match=plugin_file()):
+        Gazebo(ROBOT)
+    (built / plugin_file()).touch()
+    assert is_installed()
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -72,6 +72,26 @@ def test_eq_11_rewards_nearness_and_explodes_at_the_safe_distance():
     assert term("obstacle", CONFIG, clearance_m=0.05) < 0.0
 
 
+@pytest.mark.parametrize("config", [LITERAL, CONFIG])
+def test_eq_12_is_about_the_mean_of_five_displacements(config: RewardConfig):
+    """d_m = 0.15 * 0.06 m. An episode starts as if at full speed: of five standing steps the first four have a mean of
+    0.048, 0.036, 0.024 and 0.012 m, the fifth of 0."""
+    env = NavVectorEnv(1, scenario="clutter", reward_config=config, randomize=False, seed=3)
+    env.reset(seed=3)
+    stand, drive = np.array([[-1.0, 0.0]], np.float32), np.array([[1.0, 0.0]], np.float32)
+    moved, paid = [0.06] * 5, []
+    for action in [stand] * 6 + [drive] * 3 + [stand] * 12:
+        before = env.sim.b["pose"][0, :2].copy()
+        *_, info = env.step(action)
+        moved.append(math.dist(env.sim.b["pose"][0, :2], before))
+        paid.append(info["reward_terms"][0, COLUMN["stagnation"]])
+    assert paid[:6] == [0.0, 0.0, 0.0, 0.0, -3.0, -3.0]
+    means = [sum(moved[t + 1 : t + 6]) / 5 for t in range(len(paid))]
+    assert paid == [-3.0 if mean < 0.009 else 0.0 for mean in means]
+    assert 0.0 in paid[6:]
+    assert paid[-1] == -3.0
+
+
 def test_eq_14_gives_no_direction_far_from_the_goal():
     """T = (0.5, 0.25, 1), S = 0.5: 0.6 * 0.5 * 0.25 * 0.5 + 0.05 = 0.0875 against 0.2."""
     features = np.array([0.5, 0.25, 1.0])

@@ -36,6 +36,10 @@ class RunMeta:
     split: str
     simulator: str = "native"
     """native, or gazebo."""
+    paper_literal: bool = False
+    """Guidance `replan` computed its equations as printed."""
+    trained_paper_literal: bool | None = None
+    """The training computed every equation as printed; None where there was none, or its run does not say."""
     train_seconds: float | None = None
     """Wall clock spent on training; None for a planner."""
     env_steps: int | None = None

@@ -72,7 +72,7 @@ class ReplannerConfig:
     turn_cost_m: float = 0.1
     """lambda of eq 22: m that a radian of turning costs. Counts with `headings`."""
     headings: bool = False
-    """Search over cells and headings: turning is part of the route's cost. About three times slower."""
+    """Search over cells and headings: turning is part of the route's cost. About twice as slow."""
     cells: int = 400
     """Cells on a side of the window that is mapped about the robot."""
     resolution_m: float = 0.05

@@ -1,5 +1,7 @@
 """A gzserver process with our plugin in it, and the connection to that."""
 
+import functools
+import hashlib
 import os
 import shutil
 import socket
@@ -12,7 +14,6 @@ from xml.etree.ElementTree import Element
 from adrl.errors import MissingExtra, WorldError
 from adrl.worlds.sdf_write import to_bytes
 
-PLUGIN = "libadrl_lockstep.so"
 PATIENCE_S = 120.0
 """Time in which Gazebo must answer; a start on a busy machine took 20 s."""
 SETUP = "run scripts/gazebo-chroot of the source, as root"
@@ -24,9 +25,19 @@ def gazebo_folder() -> Path:
     return Path(os.environ.get("ADRL_GAZEBO") or Path(cache) / "adrl" / "gazebo")
 
 
+@functools.cache
+def plugin_file() -> str:
+    """Name of the plugin's library, with the checksum of its source: a build of another source is never loaded."""
+    source = Path(__file__).parent / "plugin"
+    text = b"".join(path.read_bytes() for path in sorted(source.glob("*.?pp")))
+    return f"libadrl_lockstep-{hashlib.sha256(text).hexdigest()[:12]}.so"
+
+
 def is_installed() -> bool:
-    """Whether scripts/gazebo-chroot has done its work."""
-    return (gazebo_folder() / "plugin.sha256").exists()
+    """Whether scripts/gazebo-chroot has done its work, for the plugin of today."""
+    folder = gazebo_folder()
+    chroot = folder / "root"
+    return ((chroot / "opt/adrl" if chroot.is_dir() else folder) / plugin_file()).exists()
 
 
 class GazeboServer:
@@ -40,7 +51,9 @@ class GazeboServer:
         """
         folder = gazebo_folder()
         if not is_installed():
-            raise MissingExtra(f"Gazebo is not set up in {folder}; {SETUP}")
+            raise MissingExtra(
+                f"Gazebo is not set up in {folder}: no {plugin_file()} of this version; {SETUP}"
+            )
         root = folder / "root"
         chroot = root.is_dir()
         self._files = Path(tempfile.mkdtemp(prefix="adrl-", dir=root / "tmp" if chroot else None))

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from adrl.errors import ConfigError, WorldError
 from adrl.integrations.gazebo.film import camera
 from adrl.integrations.gazebo.model import body_of, robot_model, wheel_torque_nm
-from adrl.integrations.gazebo.server import PLUGIN, GazeboServer
+from adrl.integrations.gazebo.server import GazeboServer, plugin_file
 from adrl.types import Array, RobotConfig, Task, World
 from adrl.worlds.sdf_write import (
     Parts,
@@ -230,7 +230,7 @@ def _reach_m(robot: RobotConfig) -> float:
 
 def _plugin(robot: RobotConfig, num_envs: int, steps: int) -> Element:
     body = body_of(robot)
-    plugin = Element("plugin", name="adrl_lockstep", filename=PLUGIN)
+    plugin = Element("plugin", name="adrl_lockstep", filename=plugin_file())
     for tag, number in (("port", 0), ("robots", num_envs), ("steps", steps)):
         SubElement(plugin, tag).text = str(number)
     add(plugin, "radius", body.wheel_radius_m)

@@ -21,11 +21,6 @@
 //   (range below which a robot may touch something in the next period), speed (2: least, greatest), yaw_rate,
 //   acceleration, yaw_acceleration, latency. Robot i is the model robot_<i> with joints
 //   left and right, a collision "footprint" and a ray sensor "lidar".
-#include <arpa/inet.h>
-#include <netinet/tcp.h>
-#include <sys/socket.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -41,20 +36,15 @@
 #include <gazebo/sensors/sensors.hh>
 #include <ignition/math/Rand.hh>
 
+#include "line.hpp"
+#include "obstacles.hpp"
+
 namespace adrl {
 
 using gazebo::physics::ModelPtr;
 
-constexpr double kHeight = 1.0;    // of all obstacles
-constexpr double kCellar = -100.0; // where things stand that no world needs at the moment
-
 struct Twist {
     double v = 0.0, w = 0.0;
-};
-
-struct Disc {
-    ModelPtr model;
-    std::array<double, 8> row;
 };
 
 struct Robot {
@@ -69,54 +59,6 @@ struct Robot {
     double odometry[3] = {};
     double driven = 0.0, free_s = 0.0, clock = 0.0, fastest_disc = 0.0;
     bool contact = false, active = false;
-};
-
-[[noreturn]] void end(const char *why) {
-    if (why) std::fprintf(stderr, "adrl lockstep: %s\n", why);
-    _exit(why ? 1 : 0);
-}
-
-// Blocking reads and writes of whole numbers and texts.
-class Line {
-  public:
-    void connect(int port) {
-        socket_ = ::socket(AF_INET, SOCK_STREAM, 0);
-        sockaddr_in address{};
-        address.sin_family = AF_INET;
-        address.sin_port = htons(static_cast<std::uint16_t>(port));
-        address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-        if (::connect(socket_, reinterpret_cast<sockaddr *>(&address), sizeof address) != 0) end("nobody listens");
-        const int on = 1;
-        setsockopt(socket_, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    }
-
-    void read(void *into, std::size_t bytes) {
-        for (auto *at = static_cast<char *>(into); bytes > 0;) {
-            const ssize_t got = ::recv(socket_, at, bytes, 0);
-            if (got < 0 && errno == EINTR) continue;
-            if (got <= 0) end(nullptr); // the other side has gone
-            at += got;
-            bytes -= static_cast<std::size_t>(got);
-        }
-    }
-
-    template <typename T> T read() {
-        T value;
-        read(&value, sizeof value);
-        return value;
-    }
-
-    void write(const std::vector<char> &data) {
-        for (std::size_t sent = 0; sent < data.size();) {
-            const ssize_t n = ::send(socket_, data.data() + sent, data.size() - sent, MSG_NOSIGNAL);
-            if (n < 0 && errno == EINTR) continue;
-            if (n <= 0) end(nullptr);
-            sent += static_cast<std::size_t>(n);
-        }
-    }
-
-  private:
-    int socket_ = -1;
 };
 
 double towards(double value, double goal, double largest_change) {
@@ -338,22 +280,6 @@ class Lockstep : public gazebo::WorldPlugin {
         }
     }
 
-    static physics::CylinderShapePtr cylinder_of(const physics::CollisionPtr &body) {
-        return boost::dynamic_pointer_cast<physics::CylinderShape>(body->GetShape());
-    }
-
-    static void stand_box(const physics::CollisionPtr &body, const std::array<double, 5> &row) {
-        boost::dynamic_pointer_cast<physics::BoxShape>(body->GetShape())->SetSize({row[3], row[4], kHeight});
-        body->SetWorldPose({row[0], row[1], 0.5 * kHeight, 0.0, 0.0, row[2]});
-    }
-
-    static void stand_cylinder(const physics::CollisionPtr &body, const std::array<double, 3> &row) {
-        cylinder_of(body)->SetSize(row[2], kHeight);
-        body->SetWorldPose({row[0], row[1], 0.5 * kHeight, 0.0, 0.0, 0.0});
-    }
-
-    static void store(const physics::CollisionPtr &body) { body->SetWorldPose({0.0, 0.0, kCellar, 0.0, 0.0, 0.0}); }
-
     // Not through the factory topic, which would let simulated time pass before the models are there.
     void load(Robot &robot, const std::string &text) {
         sdf::SDF document;
@@ -374,16 +300,6 @@ class Lockstep : public gazebo::WorldPlugin {
                 robot.passing.push_back(model);
             }
         }
-    }
-
-    // Where a disc is: to and fro between its ends, standing still after stop_s.
-    static void place(const Disc &disc, double time_s) {
-        const auto [x1, y1, x2, y2, radius, speed, phase, stop_s] = disc.row;
-        (void)radius;
-        const double run = std::max(2.0 * std::hypot(x2 - x1, y2 - y1), 1e-9);
-        const double round = phase + speed * std::min(time_s, stop_s) / run;
-        const double share = 1.0 - std::abs(1.0 - 2.0 * (round - std::floor(round)));
-        disc.model->SetWorldPose({x1 + share * (x2 - x1), y1 + share * (y2 - y1), 0.0, 0.0, 0.0, 0.0});
     }
 
     void send_state() {
