@@ -52,7 +52,7 @@ class RunConfig(Place):
     paper_literal: bool = False
     """Compute every equation as the paper prints it, whatever the method."""
     guidance: str = "goal"
-    """goal: the policy sees the final goal; replan: that, and waypoints of its own map when it is stuck (eqs 18-23);
+    """goal: the policy sees the final goal; replan: that, and waypoints of its own map when blocked (eqs 18-23);
     map: a waypoint on the A* path of the known map."""
     replanner: ReplannerConfig = field(default_factory=ReplannerConfig)
     env: Literal["native", "gazebo"] = "native"

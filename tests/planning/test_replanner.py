@@ -143,6 +143,45 @@ def test_beams_that_tell_nothing_do_not_change_the_trigger(reading: float) -> No
         assert trails[0][0] == (poses[-1, 0] == 0.0)
 
 
+@pytest.mark.parametrize(
+    ("changes", "planned"),
+    [
+        ({}, True),
+        ({"foresight_m": 1.4}, True),
+        ({"foresight_m": 1.0}, False),
+        ({"foresight_m": 0.0}, False),
+        ({"eq18": "literal"}, False),
+    ],
+)
+def test_a_known_obstacle_on_the_way_is_planned_round_before_the_robot_is_stuck(
+    changes: dict[str, Any], planned: bool
+) -> None:
+    """A wall 1.5 m ahead, met at the first scan: its corridor of 0.225 m ends 1.275 m ahead."""
+    replanner = one_robot((5.0, 0.0), **changes)
+    waypoints = drive(replanner, np.zeros((3, 3)), facing_wall(1.5))
+    assert replanner.replans[0] == planned
+    assert replanner.following[0] == planned
+    assert np.array_equal(waypoints[-1], [5.0, 0.0]) != planned
+
+
+def test_an_obstacle_beside_the_way_is_passed_without_a_plan() -> None:
+    scan = np.full(BEAMS, RANGE)
+    ahead = np.abs(ROBOT.lidar.angles_rad - 0.4) < 0.1  # a thing 2 m away, 0.6 m or more off the line
+    scan[ahead] = 2.0
+    replanner = one_robot((5.0, 0.0))
+    drive(replanner, np.zeros((15, 3)), scan)
+    assert replanner.b["log_odds"][0].max() > 0
+    assert replanner.replans[0] == 0
+
+
+@pytest.mark.parametrize("foresight_m", [0.0, 8.0])
+def test_a_robot_that_finds_no_way_asks_again_only_after_the_interval(foresight_m: float) -> None:
+    """Shut in, stagnant or not: eq 18 needs its window of 2 s anew, foresight the interval of 1 s."""
+    replanner = one_robot((5.0, 0.0), foresight_m=foresight_m)
+    drive(replanner, np.zeros((100, 3)), np.full(BEAMS, 0.22))
+    assert replanner.replans[0] == (10 if foresight_m else 4)
+
+
 def test_the_literal_trigger_misses_an_oscillating_robot() -> None:
     poses = dict(stuck_drives())["oscillates"]
     replanner = one_robot((5.0, 0.0), eq18="literal")
@@ -157,7 +196,7 @@ def test_a_mature_policy_is_left_alone_for_longer() -> None:
     scan = facing_wall(1.5, 3.0)
 
     def replans(maturity: float, eq20: Form) -> int:
-        replanner = one_robot((5.0, 0.0), maturity, eq20=eq20)
+        replanner = one_robot((5.0, 0.0), maturity, eq20=eq20, foresight_m=0.0)
         drive(replanner, poses, scan)
         return int(replanner.replans[0])
 

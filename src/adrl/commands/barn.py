@@ -33,7 +33,7 @@ class BarnOptions:
     held_out: int = 0
     """Drive only so many of the worlds, those that training with the same --barn-held-out leaves out; 0 for all."""
     guidance: Literal["goal", "replan", "map"] | None = None
-    """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when stuck; map:
+    """goal: the policy sees the final goal; replan: the same, and waypoints of its own map when blocked; map:
     a waypoint on the A* path of the known map, which the benchmark does not give. As trained when left out."""
     trials: int = 10
     """Runs in each world; they differ in the sensors' noise."""

@@ -24,7 +24,7 @@ class CollectOptions(Place):
     robot: str = "diffbot"
     """A robot's name (adrl list) or a TOML file; with --bag, the robot that drove."""
     guidance: Literal["goal", "replan", "map"] = "goal"
-    """What the observations show: the final goal (replan: a waypoint of its own when stuck), or one on the A* path."""
+    """What the observations show: the final goal (replan: its own waypoint when blocked), or one on the A* path."""
     steps: int = 20_000
     """Environment steps to record."""
     seed: int = 0

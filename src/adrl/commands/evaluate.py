@@ -24,7 +24,7 @@ class EvaluateOptions(Place):
     robot: str | None = None
     """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
     guidance: Literal["goal", "replan", "map"] | None = None
-    """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when stuck;
+    """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when blocked;
     map: a waypoint on the A* path of the known map. As trained when left out."""
     paper_literal: bool = False
     """Guidance replan computes eqs 18, 20 and 21/23 exactly as printed; docs/fidelity.md lists the differences."""

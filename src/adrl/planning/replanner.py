@@ -1,8 +1,8 @@
 """Adaptive replanning, section III-C: from the robot's own scans and odometry to the point it should head for.
 
-A robot follows the final goal until eq 18 finds it stagnant. Then it plans on what it has mapped itself (eq 22), heads
-for waypoints of the route (eqs 21 and 23), plans anew as it sees more, and is handed back to the goal when it has seen
-all of the way between them to be free.
+A robot follows the final goal until eq 18 finds it stagnant or, in the corrected form, it knows of an obstacle on the
+straight way there. Then it plans on what it has mapped itself (eq 22), heads for waypoints of the route (eqs 21 and
+23), plans anew as it sees more, and is handed back to the goal when it has seen all of the way between them to be free.
 """
 
 from collections.abc import Mapping
@@ -154,8 +154,9 @@ class Replanner:
         """Other goals (M, 2) for robots `indices` (M,) under way: what they have mapped stays."""
         b = self.b
         b["goal"][indices] = goals
-        for name in ("following", "since_plan", "recorded", "beyond"):
+        for name in ("following", "recorded", "beyond"):
             b[name][indices] = 0
+        b["since_plan"][indices] = self._interval  # a plan may be made at once
 
     def update(self, ranges: F32, odometry: Array, active: Mask | None = None) -> Array:
         """One control period: (N, K) ranges, (N, 3) odometry -> (N, 2) waypoints.
@@ -169,7 +170,7 @@ class Replanner:
         clearance = self._clearance(ranges)
         self._record(awake, odometry, clearance)
         following = b["following"].astype(bool)
-        triggered = awake & ~following & self._triggered(odometry, clearance)
+        triggered = self._triggered(awake & ~following, odometry, clearance)
         b["replans"][triggered] += 1
         b["since_plan"][awake] += 1
         self._plan(triggered | self._due(awake & following, odometry), odometry)
@@ -208,19 +209,26 @@ class Replanner:
             duration_s=self._window * self.robot.control_period_s,
         )
 
-    def _triggered(self, odometry: Array, clearance: Array) -> Mask:
-        """(N,) eq 18, once the window is full. Corrected: but not for a robot on course over free ground.
+    def _triggered(self, heading_on: Mask, odometry: Array, clearance: Array) -> Mask:
+        """(N,) robots of those that head for the goal for which eq 18 holds, once the window is full.
 
-        However slow it drives, a plan would be the straight line it follows already.
+        Corrected: but not for a robot on course over free ground: however slow it drives, a plan would be the straight
+        line it follows already. And at once for one with a known obstacle within foresight_m of its straight way:
+        whoever waits until it is stuck has driven into the trap, and drives out of it again.
         """
         threat = np.clip(1.0 - clearance / self.config.safe_clearance_m, 0.0, 1.0)
         thresholds = adapt(self._basic, threat, self.maturity, self.config)
         full = self.b["recorded"] > self._window
         motion = self._motion()
-        stuck = full & stagnant(motion, thresholds, self.config.eq18)
-        if self.config.eq18 == "corrected" and stuck.any():
-            straight_on = stuck & on_course(motion, 0.01 * self._span_m)
-            stuck &= ~self._sees(straight_on, odometry, self.b["goal"], self.config.conflict_m)
+        stuck = heading_on & full & stagnant(motion, thresholds, self.config.eq18)
+        if self.config.eq18 == "literal":
+            return stuck
+        straight_on = stuck & on_course(motion, 0.01 * self._span_m)
+        stuck &= ~self._sees(straight_on, odometry, self.b["goal"], self.config.conflict_m)
+        if self.config.foresight_m > 0.0:
+            # Where the last plan found no way, the next one waits its time.
+            asked = heading_on & ~stuck & (self.b["since_plan"] >= self._interval)
+            stuck |= asked & ~self._sees(asked, odometry, self.b["goal"], self.config.foresight_m)
         return stuck
 
     def _due(self, following: Mask, odometry: Array) -> Mask:

@@ -18,6 +18,7 @@ _ZERO_ALLOWED = (
     "k_turn",
     "density_weight",
     "turn_cost_m",
+    "foresight_m",
 )
 
 
@@ -47,6 +48,11 @@ class ReplannerConfig:
     """Clearance in m below which an obstacle is a threat: T_obs rises from 0 here to 1 at contact."""
     conflict_m: float = 2.0
     """A slow robot that drives straight at the goal triggers only with a known obstacle this near on its way, m."""
+    foresight_m: float = 8.0
+    """A robot that heads for the goal plans at once when it knows of an obstacle this near on the straight way, m.
+
+    0: only when it is stagnant, which is eq 18 alone; so does the literal form.
+    """
     replan_interval_s: float = 1.0
     """A robot on a route plans anew after so many s, and sooner at its waypoint or when the way to that is blocked."""
     arrival_m: float = 0.4
@@ -67,7 +73,7 @@ class ReplannerConfig:
     """k_2 of eq 21: share of the distance to the goal."""
     k_turn: float = 0.3
     """k_3 of eq 21: share of the curvature."""
-    density_weight: float = 1.0
+    density_weight: float = 0.3
     """Metres that a metre at density 1 costs more: Cost_obs of eq 22 is this times the integral of the density."""
     turn_cost_m: float = 0.1
     """lambda of eq 22: m that a radian of turning costs. Counts with `headings`."""
