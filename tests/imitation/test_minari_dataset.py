@@ -62,6 +62,11 @@ def test_minari_recovers_the_environment(dataset: Path) -> None:
     assert env._env.scenario.name == "clutter"
 
 
+def test_gymnasiums_own_environment_stays_as_it_was(dataset: Path) -> None:
+    assert dataset.exists()
+    assert not gymnasium.spec("adrl/Nav-v0").kwargs
+
+
 def test_any_robot_and_encoder_are_recovered(tmp_path: Path) -> None:
     corners = ((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2))
     robot = RobotConfig(name="mine", radius_m=None, footprint_m=corners, lidar=LidarConfig(num_beams=31))

@@ -20,13 +20,11 @@ from adrl.planning.path_guide import sim_config
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, Step, features, terms
+from adrl.rewards.terms import STAGNATION_WINDOW
 from adrl.types import GUIDANCE, Array, RobotConfig, Task
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
-
-STAGNATION_WINDOW = 5
-"""Steps over which eq 12 averages displacements."""
 
 
 class Body(Protocol):

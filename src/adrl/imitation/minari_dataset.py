@@ -1,5 +1,6 @@
 """Demonstrations as Minari datasets: HDF5 and JSON, one episode a group; no pickle."""
 
+import copy
 import json
 import os
 import re
@@ -180,7 +181,7 @@ def _env_spec(source: Source) -> Any:
 
     if source.scenario not in SCENARIOS:
         return None
-    spec = gymnasium.spec(ENV_ID)
+    spec = copy.copy(gymnasium.spec(ENV_ID))  # what it gives is the registry's own
     names = ("scenario", "guidance", "robot", "encoder")
     description = source.description()
     spec.kwargs = {name: description[name] for name in names}

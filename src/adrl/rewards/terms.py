@@ -17,6 +17,8 @@ Mask = NDArray[np.bool_]
 
 OBSTACLE_PENALTY = 5.0  # eq 11
 STAGNATION_PENALTY = 3.0  # eq 12
+STAGNATION_WINDOW = 5
+"""Steps over which eq 12 averages displacements."""
 YAW_RATE_COST = 0.8  # eq 9
 HEADING_GAIN_M = 0.25  # eq 10: 0.5 / 2.0, metres of progress that facing the goal is worth
 HEADING_DECAY = 2.0  # eq 10, 1/rad
