@@ -197,13 +197,17 @@ def test_a_goal_in_the_middle_of_the_way_takes_the_place_of_the_first() -> None:
     assert loop.base.collisions == 0
 
 
-def test_cancelled_it_stands_and_leaves_the_base_to_others() -> None:
+def test_cancelled_it_stands_and_leaves_the_base_to_others(caplog: pytest.LogCaptureFixture) -> None:
     loop = Loop().run(2)
     assert not loop.reports[-1].send
     loop.driver.set_goal((3.0, 0.0), "odom")
     loop.run(15)
     assert loop.speeds[-1] > 0.3
-    loop.driver.cancel()
+    with pytest.raises(UnknownFrame):
+        loop.driver.set_goal((1.0, 0.0), "world")
+    with caplog.at_level(logging.INFO, "adrl.driver"):
+        loop.driver.cancel()
+    assert caplog.messages[-1] == "goal cancelled", "without the words of the refusal"
     loop.run(BRAKING_PERIODS + STOPS + 2)
     assert loop.reports[-1].outcome == "cancelled"
     assert not any(any(twist) for twist in loop.told[17:])
@@ -341,7 +345,8 @@ def test_parameters_are_the_options_by_other_means() -> None:
     config = with_parameters(DriveConfig(), lambda name, default: values.get(name, default))
     assert config == DriveConfig(guidance="goal", mount=(0.1, 0.0, 0.0), stamped=True, goal_tolerance_m=1.0)
     assert with_parameters(config, lambda name, default: default) == config
-    for name, value in {"mount": [1.0], "stamped": "yes", "goal_tolerance_m": "near"}.items():
+    wrong = [("mount", [1.0]), ("mount", "xyz"), ("mount", 1), ("mount", [0.1, 0.0, math.nan])]
+    for name, value in [*wrong, ("stamped", "yes"), ("goal_tolerance_m", "near")]:
         with pytest.raises(ConfigError, match=name):
             with_parameters(DriveConfig(), lambda n, default, k=name, v=value: v if n == k else default)
 

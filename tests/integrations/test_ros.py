@@ -66,9 +66,8 @@ def stands_from(probe: Probe, first: int, periods: int) -> None:
     """From so many periods after the event on, the robot is at rest; for a second and longer."""
     at = probe.wait(lambda event: event["topic"] == "odom", first)
     begin_s = probe.events[at]["t"] + periods * PERIOD_S
-    end = probe.wait(lambda event: event["topic"] == "odom" and event["t"] > begin_s + 1.5, at)
+    probe.wait(lambda event: event["topic"] == "odom" and event["t"] > begin_s + 1.5, at)
     after = [event for event in probe.of("odom", at) if event["t"] >= begin_s - 1e-6]
-    assert probe.events[end]["t"] > begin_s
     assert max(abs(event["v"]) + abs(event["w"]) for event in after) < 0.02
 
 

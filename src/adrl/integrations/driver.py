@@ -219,5 +219,6 @@ class Driver:
 
     def _end(self, outcome: Outcome) -> None:
         self._goal, self._outcome = None, outcome
-        words = f"goal {outcome}: {self._message}" if self._message else f"goal {outcome}"
+        # A message may also be that of a goal that was refused on the way.
+        words = f"goal {outcome}: {self._message}" if outcome == "failed" else f"goal {outcome}"
         LOG.log(logging.WARNING if outcome == "failed" else logging.INFO, "%s", words)

@@ -1,5 +1,6 @@
 """Settings of the nodes. Each is an option of the command and a parameter of the node, with the same name."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -128,9 +129,13 @@ def _as_parameter(value: Any, numbers: int) -> Parameter:
 
 def _from_parameter(name: str, value: Any) -> Any:
     if name in NUMBERS:
-        if len(value) not in (0, NUMBERS[name]):
-            raise ConfigError(f"parameter {name} is {list(value)}; give {NUMBERS[name]} numbers")
-        return tuple(map(float, value)) or None
+        try:
+            numbers = tuple(map(float, value))
+        except (TypeError, ValueError):
+            numbers = (math.nan,)
+        if len(numbers) not in (0, NUMBERS[name]) or not all(map(math.isfinite, numbers)):
+            raise ConfigError(f"parameter {name} is {value!r}; give {NUMBERS[name]} numbers")
+        return numbers or None
     if name in ("map", "world", "barn"):
         return Path(value) if value else None
     if name in ("guidance", "scenario"):

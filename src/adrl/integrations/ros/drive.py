@@ -49,6 +49,7 @@ class DriveTopics:
         self._outbox = Outbox(config, self._driver.navigator.robot.name, publish, header)
         self._now_s, self._seconds = now_s, seconds
         self._simulated = simulated
+        self._ended = False
 
     @property
     def tick_s(self) -> float:
@@ -79,7 +80,8 @@ class DriveTopics:
         self._deliver(self._driver.tick(now_s), now_s)
 
     def stop(self) -> None:
-        """The last command."""
+        """The last command: in ROS 1 scans still come, by threads of their own, while the node ends."""
+        self._ended = True
         self._outbox.command((0.0, 0.0), self._now_s())
 
     def _take_scan(self, message: Any) -> None:
@@ -90,7 +92,7 @@ class DriveTopics:
         self._deliver(self._driver.take_scan(scan_of(message, stamp_s), now_s), now_s)
 
     def _deliver(self, report: Report | None, now_s: float) -> None:
-        if report is not None:
+        if report is not None and not self._ended:
             self._outbox.deliver(report, now_s)
 
     def _take_odometry(self, message: Any) -> None:
