@@ -14,6 +14,7 @@ import numpy as np
 import tyro
 
 from adrl import _core
+from adrl.evaluation.statistics import bootstrap_mean
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import RobotConfig
@@ -71,11 +72,10 @@ def main(options: Options) -> None:
         if not active.any():
             break
     ratios = (travelled_m / np.array([task.shortest_m for task in tasks]))[~active]
-    drawn = np.random.default_rng(0).choice(ratios, (2000, len(ratios))).mean(axis=1)
-    low, high = np.percentile(drawn, (2.5, 97.5))
+    mean = bootstrap_mean(ratios)
     sys.stdout.write(
         f"{options.scenario}, {options.episodes} tasks, {options.range_m:g} m, {options.beams} beams: "
-        f"reached {100.0 * (~active).mean():.1f} %, optimality {ratios.mean():.3f} [{low:.3f}, {high:.3f}], "
+        f"reached {100.0 * (~active).mean():.1f} %, optimality {mean.estimate:.3f} [{mean.low:.3f}, {mean.high:.3f}], "
         f"median {np.median(ratios):.3f}\n"
     )
 

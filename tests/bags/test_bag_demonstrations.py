@@ -165,6 +165,17 @@ def test_silence_and_jumps_of_the_odometry_part_episodes(tmp_path: Path) -> None
     assert lengths(read) == [19, 19, 19]
 
 
+def test_a_base_without_a_heading_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its orientations are all zeros: no rotation, and not the one that looks ahead."""
+    zeros = dict.fromkeys("xyzw", 0.0)
+    monkeypatch.setattr(
+        BagWriter, "_quaternion", lambda bag, yaw: bag._new("geometry_msgs/msg/Quaternion", **zeros)
+    )
+    drive_by_hand(tmp_path / "b.bag", [(2.0, 0.5, 0.0)], DISC)
+    with pytest.raises(DatasetError, match=r"/odom .*orientation"):
+        read_demonstrations([tmp_path / "b.bag"], DISC)
+
+
 def test_another_lidar_is_resampled(tmp_path: Path) -> None:
     """A wall ahead, seen by a LiDAR of other beams, is at the trained one's ranges."""
     fine = dataclasses.replace(DISC, lidar=LidarConfig(num_beams=400, max_range_m=10.0))

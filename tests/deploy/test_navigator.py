@@ -133,6 +133,9 @@ def test_goals_are_checked_when_they_are_set():
         navigator.set_goal((np.nan, 0.0))
     with pytest.raises(ConfigError, match="follows no path"):
         navigator.set_goal((1.0, 0.0), np.zeros((2, 2)))
+    for tolerance_m in (0.0, -1.0, np.nan):
+        with pytest.raises(ConfigError, match="goal_tolerance_m"):
+            Navigator(a_policy(ROBOTS["diffbot"]), guidance="goal", goal_tolerance_m=tolerance_m)
 
 
 def test_what_it_says_of_itself():

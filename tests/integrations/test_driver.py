@@ -12,9 +12,9 @@ import pytest
 from adrl.deploy import Navigator, Odometry, Pose, Scan
 from adrl.errors import BadGoal, ConfigError, GoalRefused, NotLocalised, UnknownFrame
 from adrl.integrations.driver import STOPS, Driver, Report
-from adrl.integrations.localisation import compose, inverse
 from adrl.integrations.ros.config import DriveConfig, SimConfig, with_parameters
 from adrl.integrations.ros.robot import WATCHDOG_PERIODS, SimulatedRobot
+from adrl.poses import compose, inverse
 from adrl.types import Task, World
 from adrl.worlds import ROBOTS, single_task
 from deploy.recorded import a_policy, as_scan
@@ -62,7 +62,7 @@ class Loop:
             if (heard := odometry(base.odometry)) is not None:
                 self.driver.take_odometry(heard)
             if localised:
-                self.driver.take_pose(base.pose, now_s)
+                self.driver.take_pose(base.pose, "map", now_s)
             if (seen := scan(as_scan(base.ranges.astype(np.float32), ROBOT.lidar, now_s))) is not None:
                 self._obey(self.driver.take_scan(seen, now_s))
             for quarter in (1, 2, 3):
@@ -178,7 +178,7 @@ def test_odometry_in_the_maps_frame_needs_no_localisation() -> None:
 def test_a_goal_on_the_map_follows_what_localisation_learns() -> None:
     """At first it is half a metre and 0.2 rad wrong; then it finds the robot."""
     loop = Loop().run(2)
-    loop.driver.take_pose(compose(loop.base.pose, (0.5, 0.0, 0.2)), loop.base.time_s - PERIOD_S)
+    loop.driver.take_pose(compose(loop.base.pose, (0.5, 0.0, 0.2)), "map", loop.base.time_s - PERIOD_S)
     loop.driver.set_goal((3.0, -1.0), "map")
     loop.run(20)
     assert loop.until_ended(localised=True).outcome == "reached"
@@ -287,6 +287,49 @@ def test_after_odometry_has_jumped_it_stands_until_localisation_tells_where_it_i
     assert loop.reports[-1].command.reasons == ("not_localised",)
     assert loop.until_ended(odometry=jumped, localised=True).outcome == "reached"
     assert loop.distance_m((3.0, -1.0)) < 0.35
+
+
+@pytest.mark.parametrize("guidance", ["goal", "map"])
+def test_a_goal_in_a_frame_that_began_anew_is_failed_not_driven_to(guidance: str) -> None:
+    """The same numbers are another place now, whether localisation goes on or not."""
+    loop = Loop(guidance).run(2, localised=True)
+    loop.driver.set_goal(in_odom((3.0, -1.0)), "odom")
+    loop.run(15, localised=True)
+    jumped = lambda o: dataclasses.replace(o, pose=compose((-2.0, 0.0, 0.0), o.pose))  # noqa: E731
+    begin = len(loop.told)
+    loop.run(20, odometry=jumped, localised=True)
+    last = loop.reports[-1]
+    assert (last.outcome, last.goal) == ("failed", None)
+    assert "give the goal again" in last.message
+    assert not any(any(twist) for twist in loop.told[begin:])
+    again = compose((-2.0, 0.0, 0.0), (*in_odom((3.0, -1.0)), 0.0))
+    loop.driver.set_goal(again[:2], "odom")
+    assert loop.until_ended(odometry=jumped, localised=True).outcome == "reached"
+    assert loop.distance_m((3.0, -1.0)) < 0.35
+
+
+def test_a_pose_that_comes_with_the_new_odometry_is_kept() -> None:
+    """A localisation says nothing more while the robot stands."""
+    loop = Loop().run(2, localised=True)
+    loop.driver.set_goal((3.0, -1.0), "map")
+    loop.run(15, localised=True)
+    jumped = lambda o: dataclasses.replace(o, pose=compose((4.0, 1.0, 2.0), o.pose))  # noqa: E731
+    loop.run(1, odometry=jumped, localised=True)
+    assert loop.until_ended(odometry=jumped).outcome == "reached"
+    assert loop.distance_m((3.0, -1.0)) < 0.35
+
+
+def test_poses_in_another_frame_than_the_maps_are_not_used(caplog: pytest.LogCaptureFixture) -> None:
+    loop = Loop().run(2)
+    for _ in range(3):
+        loop.driver.take_pose(loop.base.pose, "earth", loop.base.time_s - PERIOD_S)
+    assert [record.getMessage() for record in caplog.records if "earth" in record.getMessage()] == [
+        "poses in frame 'earth' are not used; this robot's map is 'map'"
+    ]
+    with pytest.raises(NotLocalised):
+        loop.driver.set_goal((3.0, -1.0), "map")
+    loop.driver.take_pose(loop.base.pose, "/map", loop.base.time_s - PERIOD_S)
+    loop.driver.set_goal((3.0, -1.0), "map")
 
 
 # --- cadence ------------------------------------------------------------------------------------------------

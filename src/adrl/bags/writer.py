@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.errors import ConfigError, MissingExtra
+from adrl.poses import compose, inverse
 from adrl.types import Array, RobotConfig
 
 TOPICS = {
@@ -25,8 +26,6 @@ TOPICS = {
 """What is written, and as what."""
 MAP, ODOM, BASE, LASER = "map", "odom", "base_link", "base_scan"
 """Frames: the world, the robot's own reckoning, the robot, its LiDAR."""
-Pose = Sequence[float]
-"""x (m), y (m), yaw (rad)."""
 
 
 def require_new_bag(option: str, path: Path) -> None:
@@ -94,7 +93,7 @@ class BagWriter:
         )
         self._write("/scan", time_s, message)
 
-    def odometry(self, time_s: float, pose: Pose, twist: Sequence[float]) -> None:
+    def odometry(self, time_s: float, pose: Sequence[float], twist: Sequence[float]) -> None:
         """Pose in the frame odom; speed (m/s) and yaw rate (rad/s) in base_link."""
         new = self._new
         message = new(
@@ -124,11 +123,11 @@ class BagWriter:
         message = self._new("nav_msgs/msg/Path", header=self._header(time_s, frame), poses=poses)
         self._write("/plan", time_s, message)
 
-    def transforms(self, time_s: float, pose: Pose, odometry: Pose) -> None:
+    def transforms(self, time_s: float, pose: Sequence[float], odometry: Sequence[float]) -> None:
         """Where the robot is in the world, and by its own reckoning; and where on it the LiDAR is."""
         lidar = self._robot.lidar
         links = [
-            (MAP, ODOM, _compose(pose, _inverse(odometry))),
+            (MAP, ODOM, compose(pose, inverse(odometry))),
             (ODOM, BASE, odometry),
             (BASE, LASER, (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad)),
         ]
@@ -161,12 +160,12 @@ class BagWriter:
         z, w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
         return self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=z, w=w)
 
-    def _pose(self, pose: Pose) -> Any:
+    def _pose(self, pose: Sequence[float]) -> Any:
         x, y, yaw = pose
         point = self._new("geometry_msgs/msg/Point", x=float(x), y=float(y), z=0.0)
         return self._new("geometry_msgs/msg/Pose", position=point, orientation=self._quaternion(yaw))
 
-    def _stamped(self, time_s: float, frame: str, pose: Pose) -> Any:
+    def _stamped(self, time_s: float, frame: str, pose: Sequence[float]) -> Any:
         header = self._header(time_s, frame)
         return self._new("geometry_msgs/msg/PoseStamped", header=header, pose=self._pose(pose))
 
@@ -207,14 +206,3 @@ def _writer(path: Path, *, ros1: bool) -> Any:
 
 def _nanoseconds(time_s: float) -> int:
     return round(time_s * 1e9)
-
-
-def _compose(a: Pose, b: Pose) -> Pose:
-    """The pose b, given in the frame of a, in that of a's own frame."""
-    c, s = math.cos(a[2]), math.sin(a[2])
-    return a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], a[2] + b[2]
-
-
-def _inverse(a: Pose) -> Pose:
-    c, s = math.cos(a[2]), math.sin(a[2])
-    return -c * a[0] - s * a[1], s * a[0] - c * a[1], -a[2]

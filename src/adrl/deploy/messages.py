@@ -5,10 +5,9 @@ from typing import Literal
 
 import numpy as np
 
+from adrl.poses import Pose
 from adrl.types import Array
 
-Pose = tuple[float, float, float]
-"""x (m), y (m), yaw (rad)."""
 Twist = tuple[float, float]
 """Forward speed (m/s), yaw rate (rad/s)."""
 

@@ -59,6 +59,8 @@ class Navigator:
 
         Raises CheckpointError, UnknownName and ConfigError.
         """
+        if not 0.0 < goal_tolerance_m < math.inf:
+            raise ConfigError(f"goal_tolerance_m is {goal_tolerance_m}; give metres, more than 0")
         setup = setup_of(policy)
         self.policy = policy
         self.robot = setup.robot

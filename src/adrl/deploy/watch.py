@@ -84,29 +84,17 @@ class SensorWatch:
         return faults
 
     def _take_odometry(self, odometry: Odometry) -> list[Reason]:
-        v, w = odometry.twist
-        fastest = max(self.robot.max_speed_mps, -self.robot.min_speed_mps)
-        plausible = abs(v) <= IMPLAUSIBLE * fastest and abs(w) <= IMPLAUSIBLE * self.robot.max_yaw_rate_radps
-        if not (plausible and np.isfinite([*odometry.pose, odometry.stamp_s]).all()):
+        if not is_plausible(self.robot, odometry):
             return ["odometry_invalid"]
         last = self.odometry[-1] if self.odometry else None
         if last is not None and odometry.stamp_s <= last.stamp_s:
             return []
-        jumped = last is not None and self._is_jump(last, odometry)
+        jumped = last is not None and has_jumped(self.robot, last, odometry)
         if jumped:  # older poses are of another place
             self.odometry.clear()
             self._first_seen_at = None
         self.odometry.append(odometry)
         return ["odometry_jumped"] if jumped else []
-
-    def _is_jump(self, last: Odometry, new: Odometry) -> bool:
-        passed_s = new.stamp_s - last.stamp_s
-        fastest = max(self.robot.max_speed_mps, -self.robot.min_speed_mps)
-        moved_m, turned_rad = moved(last.pose, new.pose)
-        return (
-            moved_m > IMPLAUSIBLE * fastest * passed_s + SLIP_M
-            or turned_rad > IMPLAUSIBLE * self.robot.max_yaw_rate_radps * passed_s + SLIP_RAD
-        )
 
     def _take_scan(self, scan: Scan) -> list[Reason]:
         about = (scan.angle_min_rad, scan.angle_increment_rad, scan.stamp_s)
@@ -151,6 +139,27 @@ def widest_hole_rad(scan: Scan, told: NDArray[np.bool_]) -> float:
     ends = around if sees_all_round(scan) else (-1, len(told))
     runs = np.diff(np.concatenate([ends[:1], numbers, ends[1:]])) - 1
     return float(runs.max()) * abs(scan.angle_increment_rad)
+
+
+def is_plausible(robot: RobotConfig, odometry: Odometry) -> bool:
+    """Whether it can be a robot's at all: finite, and no faster than it can be."""
+    v, w = odometry.twist
+    slow = abs(v) <= IMPLAUSIBLE * _fastest_mps(robot) and abs(w) <= IMPLAUSIBLE * robot.max_yaw_rate_radps
+    return slow and bool(np.isfinite([*odometry.pose, odometry.stamp_s]).all())
+
+
+def has_jumped(robot: RobotConfig, last: Odometry, new: Odometry) -> bool:
+    """Whether the robot cannot have driven from one to the other: its odometry has begun anew."""
+    passed_s = new.stamp_s - last.stamp_s
+    moved_m, turned_rad = moved(last.pose, new.pose)
+    return (
+        moved_m > IMPLAUSIBLE * _fastest_mps(robot) * passed_s + SLIP_M
+        or turned_rad > IMPLAUSIBLE * robot.max_yaw_rate_radps * passed_s + SLIP_RAD
+    )
+
+
+def _fastest_mps(robot: RobotConfig) -> float:
+    return max(robot.max_speed_mps, -robot.min_speed_mps)
 
 
 def moved(before: Pose, after: Pose) -> tuple[float, float]:

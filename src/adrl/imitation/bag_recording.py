@@ -22,6 +22,7 @@ from adrl.bags.reader import (
 from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Scan
 from adrl.errors import DatasetError
+from adrl.poses import compose, inverse, yaw_of
 from adrl.types import Array, RobotConfig
 
 F32 = NDArray[np.float32]
@@ -176,7 +177,9 @@ def _odometry(bag: Bag, topic: str) -> tuple[Array, str]:
     rows, frame = [], ""
     for seconds, message in bag.messages(topic, ODOMETRY):
         twist, frame = message.twist.twist, message.header.frame_id
-        rows.append((seconds, *_planar(message.pose.pose), twist.linear.x, twist.angular.z))
+        pose = message.pose.pose
+        place = (pose.position.x, pose.position.y, yaw_of(pose.orientation))
+        rows.append((seconds, *place, twist.linear.x, twist.angular.z))
     table = _ordered(bag, topic, rows)
     table[:, 3] = np.unwrap(table[:, 3])
     return table, frame.strip("/")
@@ -201,15 +204,13 @@ def _goals(bag: Bag, topic: str | None, odometry_frame: str) -> Array | None:
     links: dict[str, Array] = {}
     for seconds, message in bag.messages(topic, GOALS):
         frame = message.header.frame_id.strip("/")
-        x, y, _ = _planar(message.pose)
+        x, y = message.pose.position.x, message.pose.position.y
         if frame not in ("", odometry_frame):
             if frame not in links:
                 links[frame] = _links(bag, topic, frame, odometry_frame)
             # Static ones are told once; one that comes after the goal is better than none.
             link = links[frame][max(int(np.searchsorted(links[frame][:, 0], seconds, side="right")) - 1, 0)]
-            c, s = math.cos(link[3]), math.sin(link[3])
-            dx, dy = x - link[1], y - link[2]
-            x, y = c * dx + s * dy, c * dy - s * dx
+            x, y, _ = compose(inverse(link[1:]), (x, y, 0.0))
         if not rows or math.hypot(x - rows[-1][1], y - rows[-1][2]) > SAME_GOAL_M:
             rows.append((seconds, x, y))
     return _ordered(bag, topic, rows)
@@ -226,7 +227,7 @@ def _links(bag: Bag, topic: str, frame: str, odometry_frame: str) -> Array:
                 ends = (link.header.frame_id.strip("/"), link.child_frame_id.strip("/"))
                 if ends == (frame, odometry_frame):
                     move = link.transform
-                    rows.append((seconds, move.translation.x, move.translation.y, _yaw(move.rotation)))
+                    rows.append((seconds, move.translation.x, move.translation.y, yaw_of(move.rotation)))
     if not rows:
         raise DatasetError(
             f"{bag.path}: {topic} is in frame {frame!r}, odometry in {odometry_frame!r}, and /tf does not relate them; "
@@ -238,13 +239,7 @@ def _links(bag: Bag, topic: str, frame: str, odometry_frame: str) -> Array:
 def _ordered(bag: Bag, topic: str, rows: list[Any]) -> Array:
     table = np.array(rows, dtype=np.float64)
     if not np.isfinite(table).all():
-        raise DatasetError(f"{bag.path}: {topic} holds a number that is not finite")
+        raise DatasetError(
+            f"{bag.path}: {topic} holds a number that is not finite, or an orientation that is none"
+        )
     return table[np.argsort(table[:, 0], kind="stable")]
-
-
-def _planar(pose: Any) -> tuple[float, float, float]:
-    return pose.position.x, pose.position.y, _yaw(pose.orientation)
-
-
-def _yaw(q: Any) -> float:
-    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))

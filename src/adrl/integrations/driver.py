@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from adrl.deploy import Command, Navigator, Odometry, Pose, Scan
+from adrl.deploy.watch import has_jumped, is_plausible
 from adrl.errors import BadGoal, ConfigError, GoalRefused, NotLocalised, UnknownFrame
 from adrl.integrations.localisation import Localisation
 
@@ -75,6 +76,8 @@ class Driver:
         self._odom_frame, self._map_frame = odom_frame, map_frame
         self._source = localisation
         self._localisation = Localisation()
+        self._strange_frames: set[str] = set()
+        """Frames of poses that were warned of."""
         self._on_map = navigator.guidance == "map"
         self._scan: Scan | None = None
         self._odometry: Odometry | None = None
@@ -119,13 +122,24 @@ class Driver:
         self.navigator.cancel()
 
     def take_odometry(self, odometry: Odometry) -> None:
-        """What the next step is driven by."""
+        """What the next step is driven by. Where it begins anew, a goal in its frame has lost its place."""
+        robot, last = self.navigator.robot, self._localisation.newest
+        if self._source == "pose" and last is not None and is_plausible(robot, odometry):
+            # Stamps that go back are a clock's jump, not the odometry's.
+            later = odometry.stamp_s > last.stamp_s
+            if later and has_jumped(robot, last, odometry):
+                self._begin_anew()
         self._localisation.take_odometry(odometry)
         self._odometry = odometry
 
-    def take_pose(self, on_map: Pose, stamp_s: float) -> None:
-        """Where a localisation saw the robot on the map."""
-        if self._source == "odometry" or not self._localisation.take_pose(on_map, stamp_s):
+    def take_pose(self, pose: Pose, frame: str, stamp_s: float) -> None:
+        """Where a localisation saw the robot; of no use in another frame than the map's."""
+        if frame.removeprefix("/") != self._map_frame:
+            if frame not in self._strange_frames:
+                self._strange_frames.add(frame)
+                LOG.warning("poses in frame %r are not used; this robot's map is %r", frame, self._map_frame)
+            return
+        if self._source == "odometry" or not self._localisation.take_pose(pose, stamp_s):
             return
         if self._goal is None:
             return
@@ -163,9 +177,6 @@ class Driver:
         scan, self._scan = self._scan, None
         odometry, self._odometry = self._odometry, None
         command = self.navigator.step(scan, odometry, now_s, map_pose=self._map_pose())
-        if "odometry_jumped" in command.reasons and self._localisation.known:
-            self._localisation.forget()
-            LOG.warning("odometry jumped: the place on the map is unknown until localisation tells it")
         if self._goal is not None and command.status in ("reached", "failed"):
             self._message = command.message
             self._end("reached" if command.status == "reached" else "failed")
@@ -181,6 +192,17 @@ class Driver:
             refusal=self._refusal,
             message=self._message,
         )
+
+    def _begin_anew(self) -> None:
+        """Odometry has jumped: of its frame nothing is known any more."""
+        LOG.warning("odometry jumped: the place on the map is unknown until localisation tells it")
+        self._localisation.forget()
+        if self._goal is not None and self._goal_frame == self._odom_frame:
+            self._message = (
+                f"the odometry began anew, and with it the frame {self._odom_frame!r}; give the goal again"
+            )
+            self._end("failed")
+            self.navigator.cancel()
 
     def _map_pose(self) -> Pose | None:
         """Where the robot is on the map, UNKNOWN where that is needed and not known; None where it is not needed."""

@@ -5,6 +5,7 @@ from bisect import bisect_left
 from collections import deque
 
 from adrl.deploy import Odometry, Pose
+from adrl.poses import compose, inverse
 
 KEPT = 200
 """Odometry messages that are remembered: poses on the map are older than odometry."""
@@ -32,10 +33,7 @@ class Localisation:
     def forget(self) -> None:
         """The odometry begins anew: what was known of its frame holds no longer."""
         self._odom_on_map = None
-        last = self.newest
         self._history.clear()
-        if last is not None:
-            self._history.append(last)
 
     def take_odometry(self, odometry: Odometry) -> None:
         """Remember it, unless it is overtaken by a newer one; after a clock has jumped, it alone."""
@@ -81,16 +79,3 @@ class Localisation:
         turn = math.remainder(after.pose[2] - before.pose[2], 2.0 * math.pi)
         x, y = (a + share * (b - a) for a, b in zip(before.pose[:2], after.pose[:2], strict=True))
         return x, y, before.pose[2] + share * turn
-
-
-def compose(a: Pose, b: Pose) -> Pose:
-    """The pose b, given in the frame of a, in the frame that a is given in."""
-    c, s = math.cos(a[2]), math.sin(a[2])
-    x, y = a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1]
-    return x, y, math.remainder(a[2] + b[2], 2.0 * math.pi)
-
-
-def inverse(a: Pose) -> Pose:
-    """compose(a, inverse(a)) is the origin."""
-    c, s = math.cos(a[2]), math.sin(a[2])
-    return -c * a[0] - s * a[1], s * a[0] - c * a[1], -a[2]

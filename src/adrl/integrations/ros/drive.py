@@ -99,7 +99,8 @@ class DriveTopics:
         self._driver.take_odometry(odometry_of(message, self._seconds(message.header.stamp)))
 
     def _take_pose(self, message: Any) -> None:
-        self._driver.take_pose(pose_of(message.pose.pose), self._seconds(message.header.stamp))
+        header = message.header
+        self._driver.take_pose(pose_of(message.pose.pose), header.frame_id, self._seconds(header.stamp))
 
     def _take_goal(self, message: Any) -> None:
         with contextlib.suppress(GoalRefused):  # logged, and in the status

@@ -7,6 +7,7 @@ import numpy as np
 
 from adrl.deploy import Odometry, Pose, Scan, Twist
 from adrl.integrations.driver import Report
+from adrl.poses import yaw_of
 from adrl.types import Array, LidarConfig
 
 
@@ -30,11 +31,7 @@ def odometry_of(message: Any, stamp_s: float) -> Odometry:
 
 def pose_of(pose: Any) -> Pose:
     """Of a geometry_msgs/Pose; NaN as yaw where its quaternion is none."""
-    q = pose.orientation
-    if not 0.5 < q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z < 2.0:
-        return pose.position.x, pose.position.y, math.nan
-    yaw = math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
-    return pose.position.x, pose.position.y, yaw
+    return pose.position.x, pose.position.y, yaw_of(pose.orientation)
 
 
 def point_of(pose: Any) -> tuple[float, float]:

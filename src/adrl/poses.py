@@ -1,0 +1,28 @@
+"""Poses in the plane, and the frames that they are given in (REP 105)."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+Pose = tuple[float, float, float]
+"""x (m), y (m), yaw (rad)."""
+
+
+def compose(a: Sequence[float], b: Sequence[float]) -> Pose:
+    """The pose b, given in the frame of a, in the frame that a is given in."""
+    c, s = math.cos(a[2]), math.sin(a[2])
+    x, y = a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1]
+    return x, y, math.remainder(a[2] + b[2], 2.0 * math.pi)
+
+
+def inverse(a: Sequence[float]) -> Pose:
+    """compose(a, inverse(a)) is the origin."""
+    c, s = math.cos(a[2]), math.sin(a[2])
+    return -c * a[0] - s * a[1], s * a[0] - c * a[1], -a[2]
+
+
+def yaw_of(q: Any) -> float:
+    """Of a quaternion with w, x, y, z, as ROS has it; NaN where it is none: all zeros, as of who leaves it out."""
+    if not 0.5 < q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z < 2.0:
+        return math.nan
+    return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
