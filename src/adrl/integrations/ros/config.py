@@ -27,8 +27,8 @@ class DriveConfig:
     policy: str = DEFAULT
     """default (the shipped policy), or a run folder."""
     guidance: Literal["goal", "replan", "map"] | None = None
-    """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when it is stuck
-    or knows of an obstacle on the straight way; map: a waypoint on the A* path of the known map. map with a map, else as trained, which must not be map."""
+    """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when blocked;
+    map: a waypoint on the A* path of the known map. map with a map, else as trained, which must not be map."""
     map: Path | None = None
     """YAML file of the ROS map of guidance map."""
     localisation: Literal["pose", "odometry"] = "pose"
