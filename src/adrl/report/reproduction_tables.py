@@ -106,8 +106,8 @@ def _table_1(results: Results, tables: dict[str, list[dict[str, Any]]]) -> list[
         lines += _markdown(wide, [_measured_row(row) for row in measured])
     lines += [
         "Learned methods know no map: they see the final goal, and with the replanner waypoints on a map of their own "
-        "scans, when they are stuck or know of an obstacle on the straight way. A*+DWA knows the map and its path leads "
-        "into no dead end, so the replanner has nothing to change: its row stands for both.",
+        "scans, when they are stuck or know of an obstacle on the straight way. A*+DWA knows the map and its path "
+        "leads into no dead end, so the replanner has nothing to change: its row stands for both.",
         "",
     ]
     return lines
