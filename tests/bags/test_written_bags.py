@@ -143,6 +143,8 @@ def test_a_bag_is_whole_or_not_there(tmp_path: Path) -> None:
     for name in FORMATS:
         with pytest.raises(KeyboardInterrupt):
             interrupted(tmp_path / name)
+    with pytest.raises(OSError, match="name too long"):  # of the file in the folder
+        interrupted(tmp_path / ("b" * 253))
     assert list(tmp_path.iterdir()) == []
 
 

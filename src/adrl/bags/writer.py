@@ -63,8 +63,12 @@ class BagWriter:
 
     def __enter__(self) -> Self:
         self._temporary.mkdir(parents=True)
-        self._writer = _writer(self._temporary / self.path.name, ros1=self._ros1)
-        self._writer.open()
+        try:
+            self._writer = _writer(self._temporary / self.path.name, ros1=self._ros1)
+            self._writer.open()
+        except BaseException:
+            shutil.rmtree(self._temporary, ignore_errors=True)
+            raise
         return self
 
     def __exit__(self, kind: object, error: object, traceback: object) -> None:
