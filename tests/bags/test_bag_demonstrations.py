@@ -167,10 +167,7 @@ def test_silence_and_jumps_of_the_odometry_part_episodes(tmp_path: Path) -> None
 
 def test_a_base_without_a_heading_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its orientations are all zeros: no rotation, and not the one that looks ahead."""
-    zeros = dict.fromkeys("xyzw", 0.0)
-    monkeypatch.setattr(
-        BagWriter, "_quaternion", lambda bag, yaw: bag._new("geometry_msgs/msg/Quaternion", **zeros)
-    )
+    monkeypatch.setattr("adrl.bags.messages.quaternion_of", lambda yaw: (0.0, 0.0, 0.0, 0.0))
     drive_by_hand(tmp_path / "b.bag", [(2.0, 0.5, 0.0)], DISC)
     with pytest.raises(DatasetError, match=r"/odom .*orientation"):
         read_demonstrations([tmp_path / "b.bag"], DISC)

@@ -126,8 +126,8 @@ class Navigator:
         """The command for the control period that begins at now_s.
 
         scan, odometry: what has come since the last step; None for nothing. map_pose: where the robot is on the map of
-        guidance `map`, by odometry when None; with a coordinate that is not finite the robot stands. has_base: False while
-        there is no goal and the command is not sent, for another to drive the base.
+        guidance `map`, by odometry when None; with a coordinate that is not finite the robot stands. has_base: False
+        while there is no goal and the command is not sent, for another to drive the base.
         """
         faults = self._watch(scan, odometry, now_s)
         if map_pose is not None and not np.isfinite(map_pose).all():

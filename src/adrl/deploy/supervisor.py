@@ -133,7 +133,7 @@ class Supervisor:
         return self._send(STANDSTILL, reasons, now_s)
 
     def stand_by(self, now_s: float, reasons: tuple[Reason, ...] = ()) -> tuple[Twist, tuple[Reason, ...]]:
-        """Another drives the base, and nothing is sent: what it does stands for what it was told, which is not known."""
+        """Another drives the base, nothing is sent. What it was told is not known; what it does stands for that."""
         known = self._sensors.odometry
         _, reasons = self._send(known[-1].twist if known else STANDSTILL, reasons, now_s)
         return STANDSTILL, reasons
