@@ -21,6 +21,11 @@ def inverse(a: Sequence[float]) -> Pose:
     return -c * a[0] - s * a[1], s * a[0] - c * a[1], -a[2]
 
 
+def quaternion_of(yaw: float) -> tuple[float, float, float, float]:
+    """x, y, z, w."""
+    return 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)
+
+
 def yaw_of(q: Any) -> float:
     """Of a quaternion with w, x, y, z, as ROS has it; NaN where it is none: all zeros, as of who leaves it out."""
     if not 0.5 < q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z < 2.0:

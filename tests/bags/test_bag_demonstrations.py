@@ -167,10 +167,7 @@ def test_silence_and_jumps_of_the_odometry_part_episodes(tmp_path: Path) -> None
 
 def test_a_base_without_a_heading_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its orientations are all zeros: no rotation, and not the one that looks ahead."""
-    zeros = dict.fromkeys("xyzw", 0.0)
-    monkeypatch.setattr(
-        BagWriter, "_quaternion", lambda bag, yaw: bag._new("geometry_msgs/msg/Quaternion", **zeros)
-    )
+    monkeypatch.setattr("adrl.bags.messages.quaternion_of", lambda yaw: (0.0, 0.0, 0.0, 0.0))
     drive_by_hand(tmp_path / "b.bag", [(2.0, 0.5, 0.0)], DISC)
     with pytest.raises(DatasetError, match=r"/odom .*orientation"):
         read_demonstrations([tmp_path / "b.bag"], DISC)
@@ -211,6 +208,7 @@ FAULTS = {
     "none comes to a stand": ({"legs": [(2.0, 0.5, 0.0)]}, {}),
     "none has a goal farther than 0.3 m": ({"goals": {0.0: (0.1, 0.0)}}, {}),
     "/goal_pose is in frame 'map', odometry in 'odom'": ({"goals": {0.0: (2.0, 0.0)}, "frame": "map"}, {}),
+    "/goal_pose is in frame '', odometry in 'odom'": ({"goals": {0.0: (2.0, 0.0)}, "frame": ""}, {}),
 }
 
 
@@ -239,6 +237,12 @@ def test_a_damaged_bag_is_refused(tmp_path: Path) -> None:
     stored.write_bytes(stored.read_bytes()[:5000])
     with pytest.raises(DatasetError, match=r"/b: "):
         read_demonstrations([tmp_path / "b"], DISC)
+    metadata = tmp_path / "b" / "metadata.yaml"
+    content = metadata.read_bytes()
+    for broken in (b"", b"a: [", b"\xff" + content, content[:300], content.replace(b": 2", b": two")):
+        metadata.write_bytes(broken)
+        with pytest.raises(DatasetError, match=r"/b: not a readable bag"):
+            read_demonstrations([tmp_path / "b"], DISC)
     with pytest.raises(DatasetError, match="no such file"):
         read_demonstrations([tmp_path / "gone.bag"], DISC)
 

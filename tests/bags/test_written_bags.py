@@ -77,6 +77,10 @@ def test_messages_are_those_of_the_evaluation(tmp_path: Path, name: str, guidanc
     if guidance == "map":
         for (_, plan), task in zip(found["/plan"], result.tasks, strict=True):
             assert_array_equal([(p.pose.position.x, p.pose.position.y) for p in plan.poses], task.path)
+            yaws = [yaw(p.pose.orientation) for p in plan.poses]
+            ahead = np.diff(task.path, axis=0)
+            assert_allclose(yaws[:-1], np.arctan2(ahead[:, 1], ahead[:, 0]))
+            assert yaws[-1] == yaws[-2], "at the goal it looks on as it came"
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -143,6 +147,8 @@ def test_a_bag_is_whole_or_not_there(tmp_path: Path) -> None:
     for name in FORMATS:
         with pytest.raises(KeyboardInterrupt):
             interrupted(tmp_path / name)
+    with pytest.raises(OSError, match="name too long"):  # of the file in the folder
+        interrupted(tmp_path / ("b" * 253))
     assert list(tmp_path.iterdir()) == []
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -292,6 +293,23 @@ def test_a_base_that_does_not_move_is_not_driven_for_ever_and_is_tried_again():
         sent.append(twist[0] > 0.0)
     assert 0.1 < np.mean(sent) < 0.6
     assert any(sent[-20:])
+
+
+def test_a_base_that_another_drove_is_taken_over_as_if_it_had_been_ours():
+    """What it is about to do follows from how it moves, not from who told it to."""
+
+    def at_a_wall(before: Callable[[Supervisor, float], object], wall_m: float) -> tuple[Twist, Any]:
+        supervisor = Supervisor(dataclasses.replace(DIFFBOT, latency_s=0.25))
+        for k in range(10):
+            now_s = 0.1 * k
+            assert supervisor.watch(a_scan(now_s), an_odometry(now_s), now_s) == ()
+            before(supervisor, now_s)
+        assert supervisor.watch(a_scan(1.0, np.full(180, wall_m)), an_odometry(1.0), 1.0) == ()
+        return supervisor.limit((0.5, 0.0), 1.0)
+
+    for wall_m in np.linspace(0.3, 1.0, 36):
+        ours = at_a_wall(lambda supervisor, now_s: supervisor.limit((0.5, 0.0), now_s), wall_m)
+        assert at_a_wall(Supervisor.stand_by, wall_m) == ours
 
 
 def test_scans_that_were_overtaken_are_passed_over():

@@ -15,7 +15,7 @@ from adrl.integrations.driver import STOPS, Driver, Report
 from adrl.integrations.ros.config import DriveConfig, SimConfig, with_parameters
 from adrl.integrations.ros.robot import WATCHDOG_PERIODS, SimulatedRobot
 from adrl.poses import compose, inverse
-from adrl.types import Task, World
+from adrl.types import RobotConfig, Task, World
 from adrl.worlds import ROBOTS, single_task
 from deploy.recorded import a_policy, as_scan
 from env_tasks import room
@@ -39,13 +39,17 @@ def a_task(world: World | None = None) -> Task:
 class Loop:
     """Simulated robot and driver, as their nodes would join them; the robot's odom begins at its start."""
 
-    def __init__(self, guidance: str = "goal", world: World | None = None, **options: str) -> None:
-        self.base = SimulatedRobot(a_task(world), ROBOT)
+    def __init__(
+        self, guidance: str = "goal", world: World | None = None, robot: RobotConfig = ROBOT, **options: str
+    ) -> None:
+        self.base = SimulatedRobot(a_task(world), robot)
         known = room() if guidance == "map" else None
-        navigator = Navigator(the_policy(), guidance=guidance, world=known)
+        navigator = Navigator(a_policy(robot), guidance=guidance, world=known)
         self.driver = Driver(navigator, **options)  # pyright: ignore
         self.reports: list[Report] = []
         self.told: list[tuple[float, float]] = []
+        self.clock_s = 0.0
+        """By how much all clocks are wrong."""
         self.speeds: list[float] = []
 
     def run(
@@ -58,8 +62,9 @@ class Loop:
     ) -> "Loop":
         """So many control periods, with a tick at each quarter."""
         for _ in range(steps):
-            base, now_s = self.base, self.base.time_s
-            if (heard := odometry(base.odometry)) is not None:
+            base, now_s = self.base, self.base.time_s + self.clock_s
+            heard = odometry(dataclasses.replace(base.odometry, stamp_s=now_s))
+            if heard is not None:
                 self.driver.take_odometry(heard)
             if localised:
                 self.driver.take_pose(base.pose, "map", now_s)
@@ -127,7 +132,7 @@ def test_what_needs_a_localisation_is_refused_without_one(guidance: str, frame: 
     assert isinstance(last.refusal, NotLocalised)
     assert str(last.refusal) == last.message
     assert (last.goal, last.goals, last.command.status) == (None, 1, "idle")
-    assert not any(any(twist) for twist in loop.told)
+    assert not any(report.send for report in loop.reports)
 
 
 @pytest.mark.parametrize(
@@ -151,7 +156,8 @@ def test_a_bad_goal_is_refused_and_the_one_before_goes_on(
     last = loop.reports[-1]
     assert (last.command.status, last.goal, last.goals) == ("driving", (2.0, 0.0), 2)
     assert isinstance(last.refusal, error)
-    assert loop.until_ended().outcome == "reached"
+    last = loop.until_ended()
+    assert (last.outcome, last.refusal, last.message) == ("reached", None, "")
 
 
 def test_an_accepted_goal_ends_the_refusal_and_a_slash_before_the_frame_is_none() -> None:
@@ -225,7 +231,24 @@ def test_a_goal_that_no_way_leads_to_fails_with_words() -> None:
     assert not any(any(twist) for twist in loop.told)
 
 
+def test_a_base_that_another_has_driven_is_taken_over_as_it_moves() -> None:
+    """A joystick drives at half a metre a second; the first command goes on from there, in spite of the latency."""
+    robot = dataclasses.replace(ROBOT, latency_s=0.25)
+    loop = Loop(robot=robot).run(2)
+    for _ in range(10):
+        loop.base.command((0.5, 0.0))
+        loop.run(1)
+    assert not any(report.send for report in loop.reports)
+    loop.driver.set_goal(compose(loop.base.odometry.pose, (2.0, 0.0, 0.0))[:2], "odom")
+    loop.run(1)
+    assert loop.told[-1][0] > 0.45
+
+
 # --- sensors that fail --------------------------------------------------------------------------------------
+
+
+def nothing(_: object) -> None:
+    pass
 
 
 def nan(scan: Scan) -> Scan:
@@ -248,14 +271,14 @@ class Frozen:
 
 
 @pytest.mark.parametrize(
-    ("channel", "periods"),
+    ("channel", "periods"),  # sensor -> what makes its channel anew
     [
-        ({"scan": lambda _: None}, 3),
-        ({"odometry": lambda _: None}, 3),
-        ({"scan": nan}, 2),
-        ({"odometry": nowhere}, 2),
-        ({"scan": Frozen()}, 3),
-        ({"odometry": Frozen()}, 3),
+        ({"scan": lambda: nothing}, 3),
+        ({"odometry": lambda: nothing}, 3),
+        ({"scan": lambda: nan}, 2),
+        ({"odometry": lambda: nowhere}, 2),
+        ({"scan": Frozen}, 3),
+        ({"odometry": Frozen}, 3),
     ],
     ids=["no scan", "no odometry", "NaN scan", "NaN odometry", "frozen scan", "frozen odometry"],
 )
@@ -265,7 +288,7 @@ def test_told_to_stand_within_two_periods_of_the_first_missing(channel: dict, pe
     loop.run(15)
     assert loop.speeds[-1] > 0.3
     begin = len(loop.told)
-    loop.run(9, **channel)
+    loop.run(9, **{sensor: make() for sensor, make in channel.items()})
     assert not any(any(twist) for twist in loop.told[begin + periods - 1 :])
     assert max(loop.speeds[begin + periods + BRAKING_PERIODS - 1 :]) < 0.01
     assert loop.reports[-1].command.status == "stopped"
@@ -306,6 +329,21 @@ def test_a_goal_in_a_frame_that_began_anew_is_failed_not_driven_to(guidance: str
     loop.driver.set_goal(again[:2], "odom")
     assert loop.until_ended(odometry=jumped, localised=True).outcome == "reached"
     assert loop.distance_m((3.0, -1.0)) < 0.35
+
+
+@pytest.mark.parametrize("back_s", [0.5, 100.0])
+def test_the_place_on_the_map_follows_the_odometry_of_a_clock_that_went_back(back_s: float) -> None:
+    loop = Loop("map").run(2, localised=True)
+    loop.driver.set_goal((3.0, -1.0), "map")
+    loop.run(20, localised=True)
+    loop.clock_s = -back_s
+    driven = 0
+    for _ in range(12):
+        at = loop.base.pose[:2]
+        plan = loop.run(1).reports[-1].command.plan
+        assert not len(plan) or math.dist(plan[0], at) < 0.01
+        driven += len(plan) > 0
+    assert driven > 8
 
 
 def test_a_pose_that_comes_with_the_new_odometry_is_kept() -> None:

@@ -150,6 +150,7 @@ def test_the_node_is_killed_and_started_again(ros: Ros, a_map: str) -> None:
     node = ros.node("drive", "--map", a_map)
     probe.wait(is_idle, first)
     stands_from(probe, first, 0)
+    time.sleep(1.0)  # as above: its pose on the map comes by another connection
     first = probe.order(goal=task.goal, frame="map")
     probe.wait(is_at_speed, first)
     first = probe.order(cancel=True)

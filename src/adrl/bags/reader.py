@@ -63,7 +63,7 @@ class Bag:
 def open_bag(path: Path) -> Iterator[Bag]:
     """Open a ROS 1 bag file, or the folder of a ROS 2 bag. Raises MissingExtra without rosbags, DatasetError."""
     try:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise MissingExtra(
@@ -75,8 +75,8 @@ def open_bag(path: Path) -> Iterator[Bag]:
         # Old ROS 2 bags do not say what their messages are; these have been the same in all releases.
         reader = AnyReader([path], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
         reader.open()
-    except (AnyReaderError, OSError) as error:
-        raise DatasetError(f"{path}: not a readable bag ({error})") from None
+    except Exception as error:  # as in Bag.messages
+        raise DatasetError(f"{path}: not a readable bag ({error})") from error
     try:
         yield Bag(path, reader)
     finally:

@@ -1,6 +1,5 @@
-"""Writes what a robot saw, was told and did as ROS messages. Frames as in REP 103 and 105, free beams as in REP 117."""
+"""Writes what a robot saw, was told and did as ROS messages."""
 
-import math
 import os
 import shutil
 from collections.abc import Sequence
@@ -11,6 +10,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
+from adrl.bags import messages
 from adrl.errors import ConfigError, MissingExtra
 from adrl.poses import compose, inverse
 from adrl.types import Array, RobotConfig
@@ -63,8 +63,12 @@ class BagWriter:
 
     def __enter__(self) -> Self:
         self._temporary.mkdir(parents=True)
-        self._writer = _writer(self._temporary / self.path.name, ros1=self._ros1)
-        self._writer.open()
+        try:
+            self._writer = _writer(self._temporary / self.path.name, ros1=self._ros1)
+            self._writer.open()
+        except BaseException:
+            shutil.rmtree(self._temporary, ignore_errors=True)
+            raise
         return self
 
     def __exit__(self, kind: object, error: object, traceback: object) -> None:
@@ -77,51 +81,28 @@ class BagWriter:
 
     def scan(self, time_s: float, ranges: NDArray[np.floating]) -> None:
         """(K,) ranges in metres; where nothing is within reach, max_range_m or more."""
-        lidar = self._robot.lidar
-        message = self._new(
-            "sensor_msgs/msg/LaserScan",
-            header=self._header(time_s, LASER),
-            angle_min=lidar.angle_min_rad,
-            angle_max=float(lidar.angles_rad[-1]),
-            angle_increment=lidar.angle_increment_rad,
-            time_increment=0.0,
-            scan_time=self._robot.control_period_s,
-            range_min=0.0,
-            range_max=lidar.max_range_m,
-            ranges=np.where(ranges >= np.float32(lidar.max_range_m), np.inf, ranges).astype(np.float32),
-            intensities=np.empty(0, np.float32),
-        )
-        self._write("/scan", time_s, message)
+        header, robot = self._header(time_s, LASER), self._robot
+        scan = messages.laser_scan(self._new, header, robot.lidar, ranges, robot.control_period_s)
+        self._write("/scan", time_s, scan)
 
     def odometry(self, time_s: float, pose: Sequence[float], twist: Sequence[float]) -> None:
         """Pose in the frame odom; speed (m/s) and yaw rate (rad/s) in base_link."""
-        new = self._new
-        message = new(
-            "nav_msgs/msg/Odometry",
-            header=self._header(time_s, ODOM),
-            child_frame_id=BASE,
-            pose=new("geometry_msgs/msg/PoseWithCovariance", pose=self._pose(pose), covariance=np.zeros(36)),
-            twist=new(
-                "geometry_msgs/msg/TwistWithCovariance", twist=self._twist(*twist), covariance=np.zeros(36)
-            ),
+        self._write(
+            "/odom", time_s, messages.odometry(self._new, self._header(time_s, ODOM), BASE, pose, twist)
         )
-        self._write("/odom", time_s, message)
 
     def command(self, time_s: float, twist: Sequence[float]) -> None:
         """Speed (m/s) and yaw rate (rad/s) that the base is told."""
-        self._write("/cmd_vel", time_s, self._twist(*twist))
+        self._write("/cmd_vel", time_s, messages.twist(self._new, twist))
 
     def goal(self, time_s: float, goal: Sequence[float], frame: str) -> None:
         """A goal (x, y) in metres, without a heading."""
-        self._write("/goal_pose", time_s, self._stamped(time_s, frame, (*goal, 0.0)))
+        header = self._header(time_s, frame)
+        self._write("/goal_pose", time_s, messages.pose_stamped(self._new, header, (*goal, 0.0)))
 
     def plan(self, time_s: float, path: Array, frame: str) -> None:
         """(P, 2) the way to the goal."""
-        ahead = np.diff(path, axis=0, append=path[-1:])
-        yaws = np.arctan2(ahead[:, 1], ahead[:, 0])
-        poses = [self._stamped(time_s, frame, (x, y, yaw)) for (x, y), yaw in zip(path, yaws, strict=True)]
-        message = self._new("nav_msgs/msg/Path", header=self._header(time_s, frame), poses=poses)
-        self._write("/plan", time_s, message)
+        self._write("/plan", time_s, messages.path(self._new, self._header(time_s, frame), path))
 
     def transforms(self, time_s: float, pose: Sequence[float], odometry: Sequence[float]) -> None:
         """Where the robot is in the world, and by its own reckoning; and where on it the LiDAR is."""
@@ -131,23 +112,13 @@ class BagWriter:
             (ODOM, BASE, odometry),
             (BASE, LASER, (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad)),
         ]
-        new = self._new
         transforms = [
-            new(
-                "geometry_msgs/msg/TransformStamped",
-                header=self._header(time_s, parent),
-                child_frame_id=child,
-                transform=new(
-                    "geometry_msgs/msg/Transform",
-                    translation=new("geometry_msgs/msg/Vector3", x=float(x), y=float(y), z=0.0),
-                    rotation=self._quaternion(yaw),
-                ),
-            )
-            for parent, child, (x, y, yaw) in links
+            messages.transform_stamped(self._new, self._header(time_s, parent), child, at)
+            for parent, child, at in links
         ]
-        self._write("/tf", time_s, new("tf2_msgs/msg/TFMessage", transforms=transforms))
+        self._write("/tf", time_s, self._new("tf2_msgs/msg/TFMessage", transforms=transforms))
 
-    def _new(self, kind: str, **fields: Any) -> Any:
+    def _new(self, kind: str, /, **fields: Any) -> Any:
         return self._store.types[kind](**fields)
 
     def _header(self, time_s: float, frame: str) -> Any:
@@ -155,25 +126,6 @@ class BagWriter:
         stamp = self._new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
         number = {"seq": 0} if self._ros1 else {}
         return self._new("std_msgs/msg/Header", stamp=stamp, frame_id=frame, **number)
-
-    def _quaternion(self, yaw: float) -> Any:
-        z, w = math.sin(0.5 * yaw), math.cos(0.5 * yaw)
-        return self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=z, w=w)
-
-    def _pose(self, pose: Sequence[float]) -> Any:
-        x, y, yaw = pose
-        point = self._new("geometry_msgs/msg/Point", x=float(x), y=float(y), z=0.0)
-        return self._new("geometry_msgs/msg/Pose", position=point, orientation=self._quaternion(yaw))
-
-    def _stamped(self, time_s: float, frame: str, pose: Sequence[float]) -> Any:
-        header = self._header(time_s, frame)
-        return self._new("geometry_msgs/msg/PoseStamped", header=header, pose=self._pose(pose))
-
-    def _twist(self, v: float, w: float) -> Any:
-        vector = self._store.types["geometry_msgs/msg/Vector3"]
-        return self._new(
-            "geometry_msgs/msg/Twist", linear=vector(float(v), 0.0, 0.0), angular=vector(0.0, 0.0, float(w))
-        )
 
     def _write(self, topic: str, time_s: float, message: Any) -> None:
         kind = TOPICS[topic]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from adrl.bags.messages import pose_stamped
 from adrl.errors import ConfigError, WorldError
 from adrl.integrations.ros.config import SimConfig
 
@@ -40,10 +41,8 @@ def bench_ros2(policy: str, *, scans: int = 600) -> dict[str, Any]:
 
 
 def _measure(node_id: int, scans: int) -> dict[str, Any]:
-    from geometry_msgs.msg import PoseStamped, Twist  # pyright: ignore[reportMissingImports]
-
-    from adrl.integrations.ros.messages import set_pose
-    from adrl.integrations.ros.sim import LATCHED, SimTopics, publications
+    from adrl.integrations.ros.messages import message_class, new_message
+    from adrl.integrations.ros.sim import LATCHED, PUBLICATIONS, SimTopics, subscription
     from adrl.integrations.ros2 import node as ros
 
     sent_s: list[float] = [0.0]
@@ -51,7 +50,7 @@ def _measure(node_id: int, scans: int) -> dict[str, Any]:
     with ros.a_node("adrl_bench", []) as node:
         publish = {
             topic: ros.publisher(node, topic, kind, latched=topic in LATCHED)
-            for topic, kind in publications().items()
+            for topic, kind in PUBLICATIONS.items()
         }
         publish_scan = publish["scan"]
 
@@ -60,8 +59,9 @@ def _measure(node_id: int, scans: int) -> dict[str, Any]:
             publish_scan(message)
 
         # A robot's clock, not a simulation's.
+        config = SimConfig(scenario="clutter", localised=False)
         robot = SimTopics(
-            SimConfig(scenario="clutter", localised=False),
+            config,
             publish | {"scan": scan, "/clock": lambda _: None},
             lambda _, frame: ros.header(time.time(), frame),
         )
@@ -72,14 +72,15 @@ def _measure(node_id: int, scans: int) -> dict[str, Any]:
                 sent_s[0] = 0.0
             robot.take_command(message)
 
-        ros.subscribe(node, "cmd_vel", Twist, take, ros.RELIABLE)
-        goals = node.create_publisher(PoseStamped, "goal_pose", ros.RELIABLE)
+        ros.subscribe(node, "cmd_vel", subscription(config), take, ros.RELIABLE)
+        goals = node.create_publisher(
+            message_class("geometry_msgs/msg/PoseStamped"), "goal_pose", ros.RELIABLE
+        )
         node.create_timer(robot.tick_s, robot.tick, clock=ros.steady_clock())
 
         def drive_to(point: tuple[float, float]) -> None:
-            goal = PoseStamped(header=ros.header(time.time(), "odom"))
-            set_pose(goal.pose, (*point, 0.0))
-            goals.publish(goal)
+            header = ros.header(time.time(), "odom")
+            goals.publish(pose_stamped(new_message, header, (*point, 0.0)))
 
         begin_s = time.monotonic()
         ros.spin(node, lambda: goals.get_subscription_count() > 0 or time.monotonic() - begin_s > PATIENCE_S)

@@ -115,18 +115,25 @@ class Navigator:
         self._under_way = False
 
     def step(
-        self, scan: Scan | None, odometry: Odometry | None, now_s: float, *, map_pose: Pose | None = None
+        self,
+        scan: Scan | None,
+        odometry: Odometry | None,
+        now_s: float,
+        *,
+        map_pose: Pose | None = None,
+        has_base: bool = True,
     ) -> Command:
         """The command for the control period that begins at now_s.
 
         scan, odometry: what has come since the last step; None for nothing. map_pose: where the robot is on the map of
-        guidance `map`, by odometry when None; with a coordinate that is not finite the robot stands.
+        guidance `map`, by odometry when None; with a coordinate that is not finite the robot stands. has_base: False
+        while there is no goal and the command is not sent, for another to drive the base.
         """
         faults = self._watch(scan, odometry, now_s)
         if map_pose is not None and not np.isfinite(map_pose).all():
             faults = (*faults, "not_localised")
         if faults or self.goal is None:
-            return self._stand("idle" if self.goal is None else "stopped", now_s, faults)
+            return self._stand("idle" if self.goal is None else "stopped", now_s, faults, has_base=has_base)
         if self.supervisor is not None:
             scan, odometry = self.supervisor.newest()
         assert scan is not None
@@ -181,10 +188,16 @@ class Navigator:
         return twist, reasons
 
     def _stand(
-        self, status: Status, now_s: float, reasons: tuple[Reason, ...] = (), message: str = ""
+        self,
+        status: Status,
+        now_s: float,
+        reasons: tuple[Reason, ...] = (),
+        message: str = "",
+        *,
+        has_base: bool = True,
     ) -> Command:
         if self.supervisor is not None:
-            self.supervisor.stop(now_s, reasons)
+            (self.supervisor.stop if has_base else self.supervisor.stand_by)(now_s, reasons)
         self._interrupted = True
         self._action = to_action(np.zeros((1, 2)), self.robot)
         return Command(

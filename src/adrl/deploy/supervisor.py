@@ -132,6 +132,12 @@ class Supervisor:
         """Stand still. Returns what was sent, and the reasons as they are."""
         return self._send(STANDSTILL, reasons, now_s)
 
+    def stand_by(self, now_s: float, reasons: tuple[Reason, ...] = ()) -> tuple[Twist, tuple[Reason, ...]]:
+        """Another drives the base, nothing is sent. What it was told is not known; what it does stands for that."""
+        known = self._sensors.odometry
+        _, reasons = self._send(known[-1].twist if known else STANDSTILL, reasons, now_s)
+        return STANDSTILL, reasons
+
     def limit(self, wanted: Twist, now_s: float) -> tuple[Twist, tuple[Reason, ...]]:
         """The command nearest to the wanted one that is safe, and why it is not the same; after watch() without faults.
 

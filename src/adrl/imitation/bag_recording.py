@@ -205,7 +205,7 @@ def _goals(bag: Bag, topic: str | None, odometry_frame: str) -> Array | None:
     for seconds, message in bag.messages(topic, GOALS):
         frame = message.header.frame_id.strip("/")
         x, y = message.pose.position.x, message.pose.position.y
-        if frame not in ("", odometry_frame):
+        if frame != odometry_frame:
             if frame not in links:
                 links[frame] = _links(bag, topic, frame, odometry_frame)
             # Static ones are told once; one that comes after the goal is better than none.

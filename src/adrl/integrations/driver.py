@@ -52,7 +52,7 @@ class Report:
     goals: int
     """Goals that have come so far, refused ones among them."""
     refusal: GoalRefused | None
-    """Why the last goal was not taken."""
+    """Why the last goal was not taken; until another is, or the one before has ended."""
     message: str
     """For people: why the last goal failed or was refused."""
 
@@ -87,11 +87,17 @@ class Driver:
         self._goals = 0
         self._refusal: GoalRefused | None = None
         self._message = ""
-        self._stops = 0
+        self._stops_left = 0
+        """The base is ours for so many more commands without a goal."""
         self._now_s = -math.inf
         self._beat_s = -math.inf
         self._scan_s = -math.inf
         self._interval_s = self.period_s
+
+    @property
+    def has_base(self) -> bool:
+        """Whether commands are sent. Else others may drive the base."""
+        return self._stops_left > 0
 
     @property
     def localised(self) -> bool:
@@ -173,18 +179,25 @@ class Driver:
         """beat_s: from when on the next step is counted."""
         if self._now_s - self.period_s <= now_s < self._now_s:
             now_s = self._now_s  # clock and stamps come by different ways; a real jump is longer
-        self._now_s, self._beat_s = now_s, beat_s
         scan, self._scan = self._scan, None
         odometry, self._odometry = self._odometry, None
-        command = self.navigator.step(scan, odometry, now_s, map_pose=self._map_pose())
+        if now_s < self._now_s:
+            self._localisation.forget_stamps()
+            if odometry is not None:
+                self._localisation.take_odometry(odometry)
+        self._now_s, self._beat_s = now_s, beat_s
+        if self._goal is not None:
+            self._stops_left = STOPS
+        send = self.has_base
+        command = self.navigator.step(scan, odometry, now_s, map_pose=self._map_pose(), has_base=send)
         if self._goal is not None and command.status in ("reached", "failed"):
-            self._message = command.message
-            self._end("reached" if command.status == "reached" else "failed")
-        self._stops = 0 if command.status in ("driving", "stopped") else self._stops + 1
+            self._end("reached" if command.status == "reached" else "failed", command.message)
+        if self._goal is None and send:
+            self._stops_left -= 1
         return Report(
             command=command,
             frame=self._map_frame if self._on_map else self._odom_frame,
-            send=self._goals > 0 and self._stops <= STOPS,
+            send=send,
             goal=self._goal,
             goal_frame=self._goal_frame,
             outcome=self._outcome,
@@ -198,10 +211,10 @@ class Driver:
         LOG.warning("odometry jumped: the place on the map is unknown until localisation tells it")
         self._localisation.forget()
         if self._goal is not None and self._goal_frame == self._odom_frame:
-            self._message = (
-                f"the odometry began anew, and with it the frame {self._odom_frame!r}; give the goal again"
+            self._end(
+                "failed",
+                f"the odometry began anew, and with it the frame {self._odom_frame!r}; give the goal again",
             )
-            self._end("failed")
             self.navigator.cancel()
 
     def _map_pose(self) -> Pose | None:
@@ -239,8 +252,9 @@ class Driver:
         place = self._localisation.to_map(here) if self._on_map else self._localisation.to_odom(here)
         return place[:2]
 
-    def _end(self, outcome: Outcome) -> None:
+    def _end(self, outcome: Outcome, message: str = "") -> None:
+        """message: why it failed. A refusal on the way is a thing of the past."""
         self._goal, self._outcome = None, outcome
-        # A message may also be that of a goal that was refused on the way.
-        words = f"goal {outcome}: {self._message}" if outcome == "failed" else f"goal {outcome}"
-        LOG.log(logging.WARNING if outcome == "failed" else logging.INFO, "%s", words)
+        self._refusal, self._message = None, message
+        level = logging.WARNING if outcome == "failed" else logging.INFO
+        LOG.log(level, "goal %s%s", outcome, message and f": {message}")

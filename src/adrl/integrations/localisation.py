@@ -35,6 +35,10 @@ class Localisation:
         self._odom_on_map = None
         self._history.clear()
 
+    def forget_stamps(self) -> None:
+        """The clock has gone back: odometry is stamped anew, its frame is where it was."""
+        self._history.clear()
+
     def take_odometry(self, odometry: Odometry) -> None:
         """Remember it, unless it is overtaken by a newer one; after a clock has jumped, it alone."""
         if not math.isfinite(odometry.stamp_s) or not all(map(math.isfinite, odometry.pose)):

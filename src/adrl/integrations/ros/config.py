@@ -92,7 +92,9 @@ class SimConfig(Place):
     map_frame: str = "map"
     """Frame of the world and of the poses on topic amcl_pose."""
     base_frame: str = "base_link"
-    """Frame of the robot, and of its LiDAR."""
+    """Frame of the robot."""
+    scan_frame: str = "base_scan"
+    """Frame of its LiDAR, which sits where the robot's mount is."""
     localised: bool = True
     """Publish amcl_pose: where the robot is."""
 

@@ -4,10 +4,11 @@ import contextlib
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from adrl.bags.messages import New
 from adrl.errors import GoalRefused
 from adrl.integrations.driver import Report
 from adrl.integrations.ros.config import DriveConfig
-from adrl.integrations.ros.messages import odometry_of, point_of, pose_of, scan_of
+from adrl.integrations.ros.messages import new_message, odometry_of, point_of, pose_of, scan_of
 from adrl.integrations.ros.outbox import Outbox, Publish
 
 NAME = "adrl"
@@ -20,14 +21,14 @@ LATCHED = ("amcl_pose", "adrl/status")
 """Topics whose last message is for whoever comes late."""
 
 
-def publications(config: DriveConfig) -> dict[str, Any]:
-    """Topic -> message class."""
-    from diagnostic_msgs.msg import DiagnosticArray  # pyright: ignore[reportMissingImports]
-    from geometry_msgs.msg import Twist, TwistStamped  # pyright: ignore[reportMissingImports]
-    from nav_msgs.msg import Path  # pyright: ignore[reportMissingImports]
-
-    command = TwistStamped if config.stamped else Twist
-    return {"cmd_vel": command, "plan": Path, "adrl/status": DiagnosticArray}
+def publications(config: DriveConfig) -> dict[str, str]:
+    """Topic -> kind of message."""
+    command = "geometry_msgs/msg/TwistStamped" if config.stamped else "geometry_msgs/msg/Twist"
+    return {
+        "cmd_vel": command,
+        "plan": "nav_msgs/msg/Path",
+        "adrl/status": "diagnostic_msgs/msg/DiagnosticArray",
+    }
 
 
 class DriveTopics:
@@ -42,11 +43,12 @@ class DriveTopics:
         seconds: Callable[[Any], float],
         header: Callable[[float, str], Any],
         simulated: bool,
+        new: New = new_message,
     ) -> None:
         """publish: of the publications. now_s: the node's clock, simulated if use_sim_time says so; seconds: of a
-        stamp; header: of a stamp and a frame. Raises AdrlError."""
+        stamp; header: of a stamp and a frame; new: makes messages. Raises AdrlError."""
         self._driver = config.driver()
-        self._outbox = Outbox(config, self._driver.navigator.robot.name, publish, header)
+        self._outbox = Outbox(config, self._driver.navigator.robot.name, publish, header, new)
         self._now_s, self._seconds = now_s, seconds
         self._simulated = simulated
         self._ended = False
@@ -56,22 +58,14 @@ class DriveTopics:
         """Seconds between two calls of tick()."""
         return self._driver.period_s / TICKS
 
-    def subscriptions(self) -> dict[str, tuple[Any, Callable[[Any], None]]]:
-        """Topic -> message class, and what takes its messages."""
-        from geometry_msgs.msg import (  # pyright: ignore[reportMissingImports]
-            PoseStamped,
-            PoseWithCovarianceStamped,
-        )
-        from nav_msgs.msg import Odometry  # pyright: ignore[reportMissingImports]
-        from sensor_msgs.msg import LaserScan  # pyright: ignore[reportMissingImports]
-        from std_msgs.msg import Empty  # pyright: ignore[reportMissingImports]
-
+    def subscriptions(self) -> dict[str, tuple[str, Callable[[Any], None]]]:
+        """Topic -> kind of message, and what takes it."""
         return {
-            "scan": (LaserScan, self._take_scan),
-            "odom": (Odometry, self._take_odometry),
-            "goal_pose": (PoseStamped, self._take_goal),
-            "amcl_pose": (PoseWithCovarianceStamped, self._take_pose),
-            "adrl/cancel": (Empty, lambda _: self._driver.cancel()),
+            "scan": ("sensor_msgs/msg/LaserScan", self._take_scan),
+            "odom": ("nav_msgs/msg/Odometry", self._take_odometry),
+            "goal_pose": ("geometry_msgs/msg/PoseStamped", self._take_goal),
+            "amcl_pose": ("geometry_msgs/msg/PoseWithCovarianceStamped", self._take_pose),
+            "adrl/cancel": ("std_msgs/msg/Empty", lambda _: self._driver.cancel()),
         }
 
     def tick(self) -> None:
@@ -80,9 +74,10 @@ class DriveTopics:
         self._deliver(self._driver.tick(now_s), now_s)
 
     def stop(self) -> None:
-        """The last command: in ROS 1 scans still come, by threads of their own, while the node ends."""
+        """The last command, if the base is ours. In ROS 1 scans still come while the node ends: by other threads."""
         self._ended = True
-        self._outbox.command((0.0, 0.0), self._now_s())
+        if self._driver.has_base:
+            self._outbox.command((0.0, 0.0), self._now_s())
 
     def _take_scan(self, message: Any) -> None:
         stamp_s, now_s = self._seconds(message.header.stamp), self._now_s()

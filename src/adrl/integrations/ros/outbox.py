@@ -5,9 +5,11 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from adrl.bags.messages import New, path, twist
+from adrl.deploy import Twist
 from adrl.integrations.driver import Report
 from adrl.integrations.ros.config import DriveConfig
-from adrl.integrations.ros.messages import path_message, status_message, twist_message
+from adrl.integrations.ros.messages import status_message
 
 PLAN_S = 0.5
 """Least time between two plans of one goal."""
@@ -26,12 +28,15 @@ class Outbox:
         robot: str,
         publish: Mapping[str, Publish],
         header: Callable[[float, str], Any],
+        new: New,
     ) -> None:
-        """publish: of topic -> cmd_vel, plan and adrl/status. header(stamp_s, frame): a std_msgs/Header."""
+        """publish: of topic -> cmd_vel, plan and adrl/status. header(stamp_s, frame): a std_msgs/Header. new: makes the
+        messages."""
         self._config = config
         self._robot = robot
         self._publish = publish
         self._header = header
+        self._new = new
         self._told: tuple[Any, ...] = ()
         self._told_s = self._planned_s = -math.inf
         self._plan_of: int | None = None
@@ -44,17 +49,21 @@ class Outbox:
         self._tell(report, now_s)
         self._show_plan(report, now_s)
 
-    def command(self, twist: tuple[float, float], now_s: float) -> None:
+    def command(self, speeds: Twist, now_s: float) -> None:
         """Tell the base."""
-        header = self._header(now_s, self._config.base_frame) if self._config.stamped else None
-        self._publish["cmd_vel"](twist_message(twist, header, stamped=self._config.stamped))
+        message = twist(self._new, speeds)
+        if self._config.stamped:
+            header = self._header(now_s, self._config.base_frame)
+            message = self._new("geometry_msgs/msg/TwistStamped", header=header, twist=message)
+        self._publish["cmd_vel"](message)
 
     def _tell(self, report: Report, now_s: float) -> None:
         reasons = set(report.command.reasons) - {"limited"}
         told = (report.command.status, reasons, report.outcome, report.refusal, report.goals)
         if told != self._told or not 0.0 <= now_s - self._told_s < STATUS_S:
             self._told, self._told_s = told, now_s
-            self._publish["adrl/status"](status_message(report, self._robot, self._header(now_s, "")))
+            status = status_message(self._new, report, self._robot, self._header(now_s, ""))
+            self._publish["adrl/status"](status)
 
     def _show_plan(self, report: Report, now_s: float) -> None:
         plan = report.command.plan
@@ -63,7 +72,7 @@ class Outbox:
             return  # held on the way, or nothing on display
         if number != self._plan_of or not 0.0 <= now_s - self._planned_s < PLAN_S:
             self._plan_of, self._planned_s = number, now_s
-            self._publish["plan"](path_message(plan, self._header(now_s, report.frame)))
+            self._publish["plan"](path(self._new, self._header(now_s, report.frame), plan))
 
 
 class RosLogHandler(logging.Handler):

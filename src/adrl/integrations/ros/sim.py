@@ -4,8 +4,9 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from adrl.bags.messages import New, laser_scan, odometry, pose_with_covariance
 from adrl.integrations.ros.config import SimConfig
-from adrl.integrations.ros.messages import odometry_message, pose_message, scan_message
+from adrl.integrations.ros.messages import new_message
 from adrl.integrations.ros.outbox import Publish
 from adrl.integrations.ros.robot import SimulatedRobot
 
@@ -17,41 +18,36 @@ LATCHED = ("amcl_pose", "collisions")
 """Topics whose last message is for whoever comes late."""
 
 
-def publications() -> dict[str, Any]:
-    """Topic -> message class."""
-    from geometry_msgs.msg import PoseWithCovarianceStamped  # pyright: ignore[reportMissingImports]
-    from nav_msgs.msg import Odometry  # pyright: ignore[reportMissingImports]
-    from rosgraph_msgs.msg import Clock  # pyright: ignore[reportMissingImports]
-    from sensor_msgs.msg import LaserScan  # pyright: ignore[reportMissingImports]
-    from std_msgs.msg import UInt32  # pyright: ignore[reportMissingImports]
-
-    return {
-        "/clock": Clock,
-        "odom": Odometry,
-        "amcl_pose": PoseWithCovarianceStamped,
-        "scan": LaserScan,
-        "collisions": UInt32,
-    }
+PUBLICATIONS = {
+    "/clock": "rosgraph_msgs/msg/Clock",
+    "odom": "nav_msgs/msg/Odometry",
+    "amcl_pose": "geometry_msgs/msg/PoseWithCovarianceStamped",
+    "scan": "sensor_msgs/msg/LaserScan",
+    "collisions": "std_msgs/msg/UInt32",
+}
+"""Topic -> kind of message."""
 
 
-def subscription(config: SimConfig) -> Any:
-    """Message class of cmd_vel."""
-    from geometry_msgs.msg import Twist, TwistStamped  # pyright: ignore[reportMissingImports]
-
-    return TwistStamped if config.stamped else Twist
+def subscription(config: SimConfig) -> str:
+    """Kind of cmd_vel."""
+    return "geometry_msgs/msg/TwistStamped" if config.stamped else "geometry_msgs/msg/Twist"
 
 
 class SimTopics:
     """A robot that publishes each period and goes on to the next. One call at a time."""
 
     def __init__(
-        self, config: SimConfig, publish: Mapping[str, Publish], header: Callable[[float, str], Any]
+        self,
+        config: SimConfig,
+        publish: Mapping[str, Publish],
+        header: Callable[[float, str], Any],
+        new: New = new_message,
     ) -> None:
-        """publish: of the publications. header: of a stamp and a frame. Raises AdrlError."""
+        """publish: of the publications. header: of a stamp and a frame. new: makes messages. Raises AdrlError."""
         self._config = config
         self._publish = publish
         self._header = header
-        self._kinds = publications()
+        self._new = new
         self._robot = SimulatedRobot.of(config)
         self._free = config.speed == 0.0
         self._advanced_s = time.monotonic()
@@ -75,19 +71,24 @@ class SimTopics:
             self._advance()
 
     def _advance(self) -> None:
-        robot, config, publish = self._robot, self._config, self._publish
+        robot, config, publish, new = self._robot, self._config, self._publish, self._new
         collisions = robot.collisions
         robot.advance()
         self._advanced_s = time.monotonic()
         if robot.collisions != collisions:
             self._count()
-        in_odom = self._header(robot.time_s, config.odom_frame)
-        on_base = self._header(robot.time_s, config.base_frame)
-        publish["/clock"](self._kinds["/clock"](clock=in_odom.stamp))
-        publish["odom"](odometry_message(robot.odometry, config.base_frame, in_odom))
+        in_odom, on_map, in_scan = (
+            self._header(robot.time_s, frame)
+            for frame in (config.odom_frame, config.map_frame, config.scan_frame)
+        )
+        told = robot.odometry
+        publish["/clock"](new(PUBLICATIONS["/clock"], clock=in_odom.stamp))
+        publish["odom"](odometry(new, in_odom, config.base_frame, told.pose, told.twist))
         if config.localised:
-            publish["amcl_pose"](pose_message(robot.pose, self._header(robot.time_s, config.map_frame)))
-        publish["scan"](scan_message(robot.robot.lidar, robot.ranges, robot.robot.control_period_s, on_base))
+            at = pose_with_covariance(new, robot.pose)
+            publish["amcl_pose"](new(PUBLICATIONS["amcl_pose"], header=on_map, pose=at))
+        lidar, period_s = robot.robot.lidar, robot.robot.control_period_s
+        publish["scan"](laser_scan(new, in_scan, lidar, robot.ranges, period_s))
 
     def _count(self) -> None:
-        self._publish["collisions"](self._kinds["collisions"](data=self._robot.collisions))
+        self._publish["collisions"](self._new(PUBLICATIONS["collisions"], data=self._robot.collisions))

@@ -25,7 +25,7 @@ def drive(config: DriveConfig, ros_arguments: Sequence[str]) -> None:
     )
     alone = ros.Alone()
     for topic, (kind, take) in topics.subscriptions().items():
-        rospy.Subscriber(topic, kind, alone(take), queue_size=1, tcp_nodelay=True)
+        ros.subscribe(rospy, topic, kind, alone(take))
     # rospy closes the topics as soon as the node is told to end.
     rospy.core.add_preshutdown_hook(lambda _: topics.stop())
     pause, tick = rospy.Duration.from_sec(topics.tick_s), alone(topics.tick)

@@ -9,6 +9,7 @@ from typing import Any
 
 from adrl.errors import MissingExtra
 from adrl.integrations.ros.config import Config, with_parameters
+from adrl.integrations.ros.messages import message_class
 from adrl.integrations.ros.outbox import Publish, log_to
 
 DIST_PACKAGES = Path("/usr/lib/python3/dist-packages")
@@ -41,9 +42,11 @@ def start(name: str, config: Config, ros_arguments: Sequence[str]) -> tuple[Any,
     return rospy, with_parameters(config, lambda key, default: rospy.get_param(f"~{key}", default))
 
 
-def publisher(rospy: Any, topic: str, kind: Any, *, latched: bool = False) -> Publish:
+def publisher(rospy: Any, topic: str, kind: str, *, latched: bool = False) -> Publish:
     """Publishes on a topic; nothing once the node is shutting down."""
-    topic_publisher = rospy.Publisher(topic, kind, queue_size=1, latch=latched, tcp_nodelay=True)
+    topic_publisher = rospy.Publisher(
+        topic, message_class(kind), queue_size=1, latch=latched, tcp_nodelay=True
+    )
 
     def publish(message: Any) -> None:
         try:
@@ -53,6 +56,11 @@ def publisher(rospy: Any, topic: str, kind: Any, *, latched: bool = False) -> Pu
                 raise
 
     return publish
+
+
+def subscribe(rospy: Any, topic: str, kind: str, take: Callable[[Any], None]) -> None:
+    """Have a topic's messages taken."""
+    rospy.Subscriber(topic, message_class(kind), take, queue_size=1, tcp_nodelay=True)
 
 
 class Alone:

@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 
 from adrl.integrations.ros.config import SimConfig
-from adrl.integrations.ros.sim import LATCHED, NAME, SimTopics, publications, subscription
+from adrl.integrations.ros.sim import LATCHED, NAME, PUBLICATIONS, SimTopics, subscription
 from adrl.integrations.ros1 import node as ros
 
 
@@ -13,13 +13,11 @@ def sim(config: SimConfig, ros_arguments: Sequence[str]) -> None:
     rospy, config = ros.start(NAME, config, ros_arguments)
     publish = {
         topic: ros.publisher(rospy, topic, kind, latched=topic in LATCHED)
-        for topic, kind in publications().items()
+        for topic, kind in PUBLICATIONS.items()
     }
     topics = SimTopics(config, publish, ros.header)
     alone = ros.Alone()
-    rospy.Subscriber(
-        "cmd_vel", subscription(config), alone(topics.take_command), queue_size=1, tcp_nodelay=True
-    )
+    ros.subscribe(rospy, "cmd_vel", subscription(config), alone(topics.take_command))
     tick, due_s = alone(topics.tick), time.monotonic()
     while not rospy.is_shutdown():
         # Real time: the simulated one is what this node publishes.

@@ -8,6 +8,7 @@ from typing import Any
 
 from adrl.errors import MissingExtra
 from adrl.integrations.ros.config import Config, Parameter, with_parameters
+from adrl.integrations.ros.messages import message_class
 from adrl.integrations.ros.outbox import Publish, log_to
 
 try:
@@ -75,15 +76,16 @@ def configure(node: Any, config: Config) -> Config:
     return with_parameters(config, get)
 
 
-def publisher(node: Any, topic: str, kind: Any, *, latched: bool = False) -> Publish:
+def publisher(node: Any, topic: str, kind: str, *, latched: bool = False) -> Publish:
     """Publishes on a topic."""
     qos = LATCHED if latched else RELIABLE
-    return node.create_publisher(kind, topic, qos, qos_overriding_options=OVERRIDABLE).publish
+    made = node.create_publisher(message_class(kind), topic, qos, qos_overriding_options=OVERRIDABLE)
+    return made.publish
 
 
-def subscribe(node: Any, topic: str, kind: Any, take: Callable[[Any], None], qos: Any) -> None:
+def subscribe(node: Any, topic: str, kind: str, take: Callable[[Any], None], qos: Any) -> None:
     """Have a topic's messages taken."""
-    node.create_subscription(kind, topic, take, qos, qos_overriding_options=OVERRIDABLE)
+    node.create_subscription(message_class(kind), topic, take, qos, qos_overriding_options=OVERRIDABLE)
 
 
 def seconds(stamp: Any) -> float:

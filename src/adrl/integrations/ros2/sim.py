@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from adrl.integrations.ros.config import SimConfig
-from adrl.integrations.ros.sim import LATCHED, NAME, SimTopics, publications, subscription
+from adrl.integrations.ros.sim import LATCHED, NAME, PUBLICATIONS, SimTopics, subscription
 from adrl.integrations.ros2 import node as ros
 
 
@@ -13,7 +13,7 @@ def sim(config: SimConfig, ros_arguments: Sequence[str]) -> None:
         config = ros.configure(node, config)
         publish = {
             topic: ros.publisher(node, topic, kind, latched=topic in LATCHED)
-            for topic, kind in publications().items()
+            for topic, kind in PUBLICATIONS.items()
         }
         topics = SimTopics(config, publish, ros.header)
         ros.subscribe(node, "cmd_vel", subscription(config), topics.take_command, ros.RELIABLE)
