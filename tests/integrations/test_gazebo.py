@@ -22,6 +22,7 @@ from adrl.evaluation.rollout import rollout
 from adrl.integrations.gazebo import Gazebo
 from adrl.integrations.gazebo.model import body_of, robot_model, wheel_torque_nm
 from adrl.integrations.gazebo.server import gazebo_folder, is_installed, plugin_file
+from adrl.integrations.ros.robot import SimulatedRobot
 from adrl.observation import EncoderConfig
 from adrl.types import LidarConfig, RobotConfig, Task, World
 from adrl.worlds import ROBOTS, SCENARIOS, load_robot, robot_from_fields, task_set
@@ -135,6 +136,23 @@ class TestInGazebo:
                 sim.step(np.repeat(action(0.4, 0.3), 2, axis=0).astype(np.float32))
             ends.append(sim.b["pose"].copy())
         np.testing.assert_allclose(ends[0], ends[1], atol=2e-3)
+
+    def test_the_robot_of_the_ros_nodes_begins_anew_after_a_collision(self, gazebo: Gazebo) -> None:
+        robot = SimulatedRobot(a_task((5.0, 3.0, 0.0)), gazebo.robot, body=gazebo)
+        farthest = 0.0
+        for _ in range(40):
+            robot.command((0.5, 0.0))
+            robot.advance()
+            if robot.collisions:
+                break
+            farthest = robot.odometry.pose[0]
+        assert farthest == pytest.approx(1.0 - ROBOT.circumscribed_radius_m, abs=0.1)
+        assert robot.collisions == 1
+        np.testing.assert_allclose(robot.pose, (5.0, 3.0, 0.0), atol=1e-3)
+        np.testing.assert_allclose(robot.odometry.pose, 0.0, atol=1e-3)
+        for _ in range(8):  # nobody tells it anything: its watchdog
+            robot.advance()
+        np.testing.assert_allclose(robot.odometry.twist, 0.0, atol=0.01)
 
     def test_it_cannot_be_put_back_amid_an_episode(self, gazebo: Gazebo) -> None:
         sim = a_sim(gazebo, a_task((1.0, 1.0, 0.6)))
