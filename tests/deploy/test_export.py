@@ -82,9 +82,7 @@ def test_the_cpp_example_agrees(programs: Path, tmp_path: Path, name: str, histo
 @pytest.mark.slow
 @pytest.mark.integration
 @pytest.mark.parametrize("history_steps", [0, 5])
-def test_the_cpp_example_takes_inf_as_reach_and_tells_nan(
-    programs: Path, tmp_path: Path, history_steps: int
-):
+def test_the_cpp_example_takes_inf_as_reach_and_tells_nan(programs: Path, tmp_path: Path, history_steps: int):
     robot = ROBOTS["diffbot"]
     policy = a_policy(robot, history_steps=history_steps)
     file = tmp_path / "policy.safetensors"

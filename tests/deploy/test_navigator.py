@@ -122,7 +122,9 @@ def test_localisation_that_jumps_across_the_goal_has_not_reached_it():
             a_policy(ROBOTS["diffbot"]), guidance="map", world=room(), goal_tolerance_m=0.02
         )
         navigator.set_goal(goal)
-        assert navigator.step(*still((0.0, 0.0, 0.0), 0.0), 0.0, map_pose=(-0.05, 0.0, 0.0)).status == "driving"
+        assert (
+            navigator.step(*still((0.0, 0.0, 0.0), 0.0), 0.0, map_pose=(-0.05, 0.0, 0.0)).status == "driving"
+        )
         command = navigator.step(*still((0.0, 0.0, 0.0), 0.1), 0.1, map_pose=(beyond_m, 0.0, 0.0))
         ends.append(command.status)
     assert ends == ["driving", "reached"]

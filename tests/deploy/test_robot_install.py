@@ -47,7 +47,9 @@ def modules_of(packages: list[str]) -> list[str]:
             continue
         found.add(package)
         waiting += [need for need in needs if "extra ==" not in need]
-    return [module for module, names in packages_distributions().items() if found & set(map(canonical, names))]
+    return [
+        module for module, names in packages_distributions().items() if found & set(map(canonical, names))
+    ]
 
 
 def canonical(name: str) -> str:

@@ -101,7 +101,7 @@ def test_pauses_of_the_commands_are_left_out(tmp_path: Path) -> None:
     record(tmp_path / "bag", drive(stops=pauses), silent=pauses)
     read = read_bag(tmp_path / "bag", DT_S)
     assert len(np.unique(read.drive)) == 3
-    assert 10.0 * (4.2 + 4.0 + 8.0) == pytest.approx(len(read), abs=8)
+    assert len(read) == pytest.approx(10.0 * (4.2 + 4.0 + 8.0), abs=8)
     fit = calibrate(read, load_robot("diffbot"))
     assert fit.robot.lag_s == pytest.approx(0.15, abs=0.03)
     assert fit.robot.latency_s < 0.03
@@ -112,7 +112,7 @@ def test_commands_that_are_not_repeated_are_refused(tmp_path: Path, drives: Driv
     """A keyboard's, one a second: how long each held is not in the recording."""
     times = np.arange(-0.05, 30.0, 1.0)
     record(tmp_path / "bag", drives, silent=tuple((low, low + 0.9) for low in times))
-    with pytest.raises(DatasetError, match="repeats its commands|too few"):
+    with pytest.raises(DatasetError, match=r"repeats its commands|too few"):
         calibrate(read_bag(tmp_path / "bag", DT_S), load_robot("diffbot"))
 
 

@@ -7,7 +7,23 @@ from pathlib import Path
 import pytest
 
 SCRIPT = Path(__file__).resolve().parents[2] / "scripts" / "gazebo-chroot"
-TOOLS = "awk bash cat chmod cp cut dirname env head ls mkdir mktemp mv realpath rm rmdir sed sha256sum touch".split()
+TOOLS = (
+    "awk",
+    "bash",
+    "cat",
+    "chmod",
+    "cp",
+    "cut",
+    "dirname",
+    "env",
+    "head",
+    "ls",
+    "mkdir",
+    "mktemp",
+    "mv",
+    "realpath",
+)
+TOOLS += ("rm", "rmdir", "sed", "sha256sum", "touch")
 
 
 class Machine:

@@ -120,7 +120,9 @@ def test_a_goal_is_reached_in_gazebo_in_real_time(ros: Ros) -> None:
     assert math.hypot(*goal) > 3.0
     assert math.dist([probe.of("odom")[-1][axis] for axis in "xy"], goal) < 0.5
     told = probe.of("odom")
-    assert (told[-1]["t"] - told[0]["t"]) / (told[-1]["at_s"] - told[0]["at_s"]) == pytest.approx(1.0, abs=0.1)
+    assert (told[-1]["t"] - told[0]["t"]) / (told[-1]["at_s"] - told[0]["at_s"]) == pytest.approx(
+        1.0, abs=0.1
+    )
     assert [event["count"] for event in probe.of("collisions")] == [0]
     assert (node.end(), robot.end()) == (0, 0)
 

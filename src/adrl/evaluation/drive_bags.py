@@ -25,8 +25,9 @@ def read_bag(
     """Resample a bag's commands (Twist or TwistStamped) and odometry to control periods.
 
     Periods begin when commands come; the speeds at their ends are interpolated between odometry messages, by the times
-    at which the bag recorded them. A drive ends a period after the last command before a pause: the recording does not say
-    when the base stopped by itself. Raises MissingExtra without rosbags, DatasetError naming file and topic.
+    at which the bag recorded them. A drive ends a period after the last command before a pause: the
+    recording does not say when the base stopped by itself. Raises MissingExtra without rosbags, DatasetError
+    naming file and topic.
     """
     with open_bag(path) as bag:
         commands, odometry = (

@@ -75,13 +75,13 @@ def summarise(episodes: Episodes, meta: RunMeta) -> Summary:
 def compare_paired(first: Episodes, second: Episodes) -> dict[str, Interval]:
     """Metric by metric, first minus second on the tasks both drove, with paired 95 % intervals.
 
-    Tango's of rates, which tells what none that differ leaves open; bootstrap intervals of the others. Metrics over successes use the tasks that both solved, so that neither gains by failing the long ones.
+    Tango's of rates, which tells what none that differ leaves open; bootstrap intervals of the others.
+    Metrics over successes use the tasks that both solved, so that neither gains by failing the long ones.
     """
     tasks = on_common_tasks([first, second])
     solved = solved_by_all([first, second])
     differences = {
-        ending: paired_rate_difference(*(getattr(episodes, ending) for episodes in tasks))
-        for ending in RATES
+        ending: paired_rate_difference(*(getattr(episodes, ending) for episodes in tasks)) for ending in RATES
     }
     for name, samples in SAMPLES.items():
         pair = solved if name in OVER_SUCCESSES else tasks

@@ -1,9 +1,9 @@
 """Intervals for what evaluation measured. Everything is seeded: equal numbers in, equal numbers out.
 
 Two questions, two units. How good is this policy: the episode is the unit (`wilson_interval`,
-`bootstrap_mean`, `paired_difference`, `paired_rate_difference`). How good is this method: the training seed is the unit (`seed_mean`,
-`seed_iqm`, `probability_of_improvement`), after Agarwal et al. 2021, "Deep RL at the edge of the statistical
-precipice".
+`bootstrap_mean`, `paired_difference`, `paired_rate_difference`). How good is this method: the training seed is the
+unit (`seed_mean`, `seed_iqm`, `probability_of_improvement`), after Agarwal et al. 2021, "Deep RL at the edge of the
+statistical precipice".
 """
 
 import math

@@ -34,8 +34,8 @@ class MapHeader:
 def load_map(path: str | os.PathLike[str]) -> World:
     """The world of a map: its solid cells and nothing else; bounds are those of the image.
 
-    Occupied and unknown cells are solid. Raises MapError, which names the file and says what to do; MissingExtra without
-    pyyaml or pillow.
+    Occupied and unknown cells are solid. Raises MapError, which names the file and says what to do; MissingExtra
+    without pyyaml or pillow.
     """
     grid = load_grid(path)
     height, width = grid.solid.shape

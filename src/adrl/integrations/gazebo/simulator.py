@@ -128,8 +128,8 @@ class Gazebo:
     def reset(self, indices: NDArray[np.intp], tasks: Sequence[Task], b: Mapping[str, NDArray[Any]]) -> None:
         """Put the robots `indices` at the starts of their tasks, in the tasks' worlds, and sense into b.
 
-        b: NavSim's arrays, of which seed is read, pose, odometry, twist and ranges are written. Gazebo has one source of
-        noise for all robots: with more than one, a reset of one changes what the others will draw.
+        b: NavSim's arrays, of which seed is read, pose, odometry, twist and ranges are written. Gazebo has
+        one source of noise for all robots: with more than one, a reset of one changes what the others will draw.
         """
         for i, task in zip(indices, tasks, strict=True):
             if self._standing[i] is not task.world:
