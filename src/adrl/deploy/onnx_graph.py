@@ -58,8 +58,8 @@ def to_onnx(policy: MlpPolicy) -> bytes:
     Inputs, float32: ranges (N, K) metres of the trained LiDAR, those beyond its reach, infinite ones among them, taken
     as its reach; a NaN among a robot's ranges makes its outputs NaN. goal (N, 2) metres, in the robot's frame; twist
     (N, 2) measured speed and yaw rate; last_action (N, 2). With motion cues also past_ranges (N, K) of history_steps
-    control periods ago, and, float64, pose and past_pose (N, 3) by odometry. Outputs: action (N, 2) in [-1, 1] and velocity
-    (N, 2), m/s and rad/s. Metadata: robot, encoder, guidance, method, maturity, version, as JSON.
+    control periods ago, and, float64, pose and past_pose (N, 3) by odometry. Outputs: action (N, 2) in [-1, 1] and
+    velocity (N, 2), m/s and rad/s. Metadata: robot, encoder, guidance, method, maturity, version, as JSON.
 
     Raises MissingExtra without onnx, CheckpointError.
     """
