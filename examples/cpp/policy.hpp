@@ -34,7 +34,7 @@ class Policy {
     double max_range() const { return lidar_[6]; }
     // Control periods between the two looks that motion cues compare; 0 for a policy without.
     int history_steps() const { return cue_ ? static_cast<int>(motion_[0]) : 0; }
-    double period() const { return base_[0]; } // of control, s
+    double period() const { return base_[0]; }  // of control, s
     double latency() const { return base_[4]; } // s
     adrl::DriveLimits drive_limits() const {
         return {limits_[0], limits_[1], limits_[2], base_[1], base_[2], base_[3]};
