@@ -1,11 +1,33 @@
 // adrl_act POLICY < rows: one line a control step in, the velocity out.
 // A line: ranges; goal x y; speed, yaw rate; last action (2); with motion cues also past ranges, pose x y yaw, past
-// pose.
+// pose. A line of another length, or with something that is no number, ends the program with an error; inf and nan are
+// numbers.
 #include <cstdio>
+#include <cstdlib>
+#include <cstring>
 #include <exception>
 #include <iostream>
+#include <stdexcept>
+#include <string>
+#include <vector>
 
 #include "policy.hpp"
+
+namespace {
+
+std::vector<double> numbers_of(const std::string &line) {
+    std::vector<double> numbers;
+    for (const char *at = line.c_str();;) {
+        at += std::strspn(at, " \t\r");
+        if (*at == '\0') return numbers;
+        char *end = nullptr;
+        numbers.push_back(std::strtod(at, &end)); // unlike a stream it reads inf and nan
+        if (end == at) throw std::runtime_error("no number: " + std::string(at, std::strcspn(at, " \t\r")));
+        at = end;
+    }
+}
+
+} // namespace
 
 int main(int argc, char **argv) {
     if (argc != 2) {
@@ -14,24 +36,33 @@ int main(int argc, char **argv) {
     }
     try {
         const Policy policy(argv[1]);
-        Look now, past;
-        now.ranges.resize(policy.num_beams());
-        past.ranges.resize(policy.num_beams());
-        const auto read = [](auto &...values) { return static_cast<bool>((std::cin >> ... >> values)); };
-        while (true) {
-            for (float &range : now.ranges) read(range);
-            adrl::Vec2 goal;
-            adrl::Twist twist;
-            Action last;
-            read(goal.x, goal.y, twist.v, twist.w, last.speed, last.turn);
-            if (policy.history_steps() > 0) {
-                for (float &range : past.ranges) read(range);
-                read(now.pose.x, now.pose.y, now.pose.theta, past.pose.x, past.pose.y, past.pose.theta);
+        const std::size_t beams = policy.num_beams();
+        const bool cued = policy.history_steps() > 0;
+        const std::size_t width = cued ? 2 * beams + 12 : beams + 6;
+        std::string line;
+        for (int number = 1; std::getline(std::cin, line); ++number) {
+            const std::vector<double> row = numbers_of(line);
+            if (row.size() != width) {
+                throw std::runtime_error("line " + std::to_string(number) + " has " + std::to_string(row.size()) +
+                                         " numbers, this policy takes " + std::to_string(width));
             }
-            if (!std::cin) return 0;
+            const double *at = row.data() + beams;
+            Look now{{row.data(), at}, {}}, past;
+            const adrl::Vec2 goal{at[0], at[1]};
+            const adrl::Twist twist{at[2], at[3]};
+            const Action last{static_cast<float>(at[4]), static_cast<float>(at[5])};
+            if (cued) {
+                at += 6;
+                past.ranges.assign(at, at + beams);
+                at += beams;
+                now.pose = {at[0], at[1], at[2]};
+                past.pose = {at[3], at[4], at[5]};
+            }
             const adrl::Twist velocity = policy.velocity(policy.act(now, past, goal, twist, last));
             std::printf("%.9g %.9g\n", velocity.v, velocity.w);
+            std::fflush(stdout);
         }
+        return 0;
     } catch (const std::exception &error) {
         std::cerr << "adrl_act: " << error.what() << "\n";
         return 1;

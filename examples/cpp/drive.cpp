@@ -1,10 +1,11 @@
-// adrl_drive POLICY: a robot of 0.2 m radius drives past three pillars to a goal 4 m ahead, in the core's own world.
+// adrl_drive POLICY: the policy's robot drives past three pillars to a goal 4 m ahead, in the core's own world.
 // The braking check of the core has the last word: what it does not let through becomes a stop.
 #include <array>
 #include <cstdio>
 #include <deque>
 #include <exception>
 #include <iostream>
+#include <stdexcept>
 
 #include "braking.hpp"
 #include "policy.hpp"
@@ -12,7 +13,7 @@
 
 namespace {
 
-constexpr double kPeriod = 0.1; // s, what diffbot is controlled with
+constexpr int kLongest = 300; // control periods
 constexpr double kMargin = 0.02;
 
 std::vector<adrl::Hit> hits_of(const Policy &policy, const std::vector<float> &ranges) {
@@ -35,19 +36,22 @@ int main(int argc, char **argv) {
     }
     try {
         const Policy policy(argv[1]);
+        if (policy.latency() > 0.0) throw std::runtime_error("its robot has latency, which this example leaves out");
         const std::array<double, 9> pillars{1.2, 0.1, 0.25, 2.4, -0.5, 0.3, 2.9, 0.7, 0.25};
         const std::array<std::int32_t, 1> none{0};
         const adrl::World world(pillars, {}, none, {}, {}, nullptr, 0, 0, 1.0, {});
-        const adrl::Footprint footprint{0.2, {}};
-        const adrl::DriveLimits limits{0.6, 0.0, 1.5, 2.0, 6.0, 0.05};
-        const adrl::Braking brakes(footprint, limits, kPeriod);
+        const adrl::Footprint footprint = policy.footprint();
+        const double period = policy.period();
+        const adrl::DriveLimits limits = policy.drive_limits();
+        const adrl::Braking brakes(footprint, limits, period);
         const adrl::Beams beams(policy.num_beams(), policy.angle_min(), policy.angle_increment());
         const adrl::Vec2 goal{4.0, 0.0};
         adrl::DriveState robot;
-        Action last{-1.0F, 0.0F}; // standing still, for a robot that only drives forward
+        const double span = limits.max_speed - limits.min_speed;
+        Action last{static_cast<float>(-2.0 * limits.min_speed / span - 1.0), 0.0F}; // standing still
         std::deque<Look> looks;
         std::vector<double> exact(beams.padded());
-        for (int step = 0; step < 300; ++step) {
+        for (int step = 0; step < kLongest; ++step) {
             raycast(world, adrl::DiscPlaces(), compose(robot.pose, policy.mount()), beams, policy.max_range(),
                     exact.data());
             looks.push_back({std::vector<float>(exact.begin(), exact.begin() + beams.count()), robot.pose});
@@ -56,15 +60,15 @@ int main(int argc, char **argv) {
             const double c = std::cos(robot.pose.theta), s = std::sin(robot.pose.theta);
             const adrl::Vec2 ahead{c * way.x + s * way.y, c * way.y - s * way.x};
             if (adrl::norm(way) < 0.3) {
-                std::printf("at the goal after %.1f s\n", step * kPeriod);
+                std::printf("at the goal after %.1f s\n", step * period);
                 return 0;
             }
             last = policy.act(looks.back(), looks.front(), ahead, robot.twist, last);
             adrl::Twist command = policy.velocity(last);
             std::vector<adrl::Hit> hits = hits_of(policy, looks.back().ranges);
-            const std::array<adrl::Order, 1> until_next{adrl::Order{command, kPeriod}};
+            const std::array<adrl::Order, 1> until_next{adrl::Order{command, period}};
             if (!brakes.stays_clear(robot.twist, until_next, hits)) command = {};
-            robot = brakes.roll(robot, std::array{adrl::Order{command, kPeriod}});
+            robot = brakes.roll(robot, std::array{adrl::Order{command, period}});
             if (clearance(world, adrl::DiscPlaces(), footprint, robot.pose, 1.0) <= 0.0) {
                 std::printf("hit an obstacle at (%.2f, %.2f)\n", robot.pose.x, robot.pose.y);
                 return 1;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "collision.hpp"
 #include "kinematics.hpp"
 #include "motion_cue.hpp"
 #include "safetensors.hpp"
@@ -33,9 +34,26 @@ class Policy {
     double max_range() const { return lidar_[6]; }
     // Control periods between the two looks that motion cues compare; 0 for a policy without.
     int history_steps() const { return cue_ ? static_cast<int>(motion_[0]) : 0; }
+    double period() const { return base_[0]; }  // of control, s
+    double latency() const { return base_[4]; } // s
+    adrl::DriveLimits drive_limits() const {
+        return {limits_[0], limits_[1], limits_[2], base_[1], base_[2], base_[3]};
+    }
+    adrl::Footprint footprint() const {
+        if (footprint_.size() == 1) return {footprint_[0], {}};
+        adrl::Footprint polygon{0.0, {}};
+        for (std::size_t i = 0; i < footprint_.size(); i += 2) {
+            polygon.corners.push_back({footprint_[i], footprint_[i + 1]});
+            polygon.radius = std::max(polygon.radius, adrl::norm(polygon.corners.back()));
+        }
+        return polygon;
+    }
 
+    // Ranges of the trained beams in their order, clipped to their reach; NaN among them makes the action NaN.
     // goal: in the robot's frame, metres; twist: measured; past: history_steps() control periods ago.
-    Action act(const Look &now, const Look &past, adrl::Vec2 goal, adrl::Twist twist, Action last) const {
+    Action act(Look now, Look past, adrl::Vec2 goal, adrl::Twist twist, Action last) const {
+        const bool sound = clip(now.ranges) && (!cue_ || clip(past.ranges));
+        if (!sound) return {std::nanf(""), std::nanf("")};
         std::vector<float> x = sectors(now.ranges);
         const double distance = adrl::norm(goal), safe = std::max(distance, 1e-9);
         for (const double feature : {goal.x / safe, goal.y / safe, distance / (distance + scales_[3]),
@@ -75,7 +93,8 @@ class Policy {
     explicit Policy(const Safetensors &file)
         : beams_(file.read<std::int32_t>("encoder.beams")), extent_(file.read<float>("encoder.extent")),
           scales_(file.read<float>("encoder.scales")), limits_(file.read<double>("limits")),
-          lidar_(file.read<double>("lidar")) {
+          lidar_(file.read<double>("lidar")), base_(file.read<double>("base")),
+          footprint_(file.read<double>("footprint")) {
         for (int i = 0; file.has("layers." + std::to_string(i) + ".weight"); ++i) {
             const std::string name = "layers." + std::to_string(i);
             layers_.push_back({file.read<float>(name + ".weight"), file.read<float>(name + ".bias")});
@@ -90,9 +109,20 @@ class Policy {
             if (layer.weight.size() != width * layer.bias.size()) throw std::runtime_error("layers do not fit");
             width = layer.bias.size();
         }
-        if (width != 2 || limits_.size() != 3 || lidar_.size() != 7 || scales_.size() != 4) {
+        const bool outlined = footprint_.size() == 1 || (footprint_.size() >= 6 && footprint_.size() % 2 == 0);
+        if (width != 2 || limits_.size() != 3 || lidar_.size() != 7 || scales_.size() != 4 || base_.size() != 5 ||
+            !outlined) {
             throw std::runtime_error("not a policy of adrl export --safetensors");
         }
+    }
+
+    // Whether all are numbers.
+    bool clip(std::vector<float> &ranges) const {
+        for (float &range : ranges) {
+            if (std::isnan(range)) return false;
+            range = std::clamp(range, 0.0F, scales_[0]);
+        }
+        return true;
     }
 
     // Nearest range of each sector, 0 at contact, on a logarithmic scale.
@@ -113,7 +143,7 @@ class Policy {
 
     std::vector<std::int32_t> beams_;
     std::vector<float> extent_, scales_;
-    std::vector<double> limits_, lidar_, motion_;
+    std::vector<double> limits_, lidar_, base_, footprint_, motion_;
     std::vector<Layer> layers_;
     std::optional<adrl::MotionCue> cue_;
 };

@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from importlib import import_module
 
-from adrl.errors import AdrlError
+from adrl.errors import AdrlError, MissingExtra
 
 STARTED_S = time.monotonic()
 """When the program began: training's wall clock counts from here."""
@@ -52,6 +52,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return import_module(f"adrl.commands.{name}").main(rest)
     except AdrlError as error:
         print(f"adrl: error: {error}", file=sys.stderr)
+        return 2
+    except ModuleNotFoundError as error:
+        if error.name is None or error.name.startswith(("adrl", "_adrl")):
+            raise
+        print(f"adrl: error: {MissingExtra.of(error)}", file=sys.stderr)
         return 2
     except OSError as error:
         print(f"adrl: error: {error.strerror or error}: {error.filename or ''}".rstrip(": "), file=sys.stderr)

@@ -76,3 +76,10 @@ class DatasetError(AdrlError):
 
 class MissingExtra(AdrlError):
     """An optional dependency is needed and not installed."""
+
+    @classmethod
+    def of(cls, error: ModuleNotFoundError) -> "MissingExtra":
+        """Of a package's own module that was not found, where adrl was installed without its dependencies."""
+        module = str(error.name).partition(".")[0]
+        package = {"yaml": "pyyaml", "PIL": "pillow"}.get(module, module)
+        return cls(f"the module {module} is not installed; run: pip install {package}")

@@ -4,13 +4,16 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import onnxruntime
 import pytest
 
+from adrl.deploy import MlpPolicy
 from adrl.deploy.plain import to_safetensors
+from adrl.deploy.policy import default_policy_folder, load_policy
 from adrl.types import RobotConfig
 from adrl.worlds import ROBOTS
 from deploy.recorded import a_policy
@@ -49,6 +52,19 @@ def lines(rows: ScanRows, *, with_motion: bool) -> str:
     return "\n".join(" ".join(f"{n:.17g}" for n in row) for row in np.concatenate(parts, axis=1))
 
 
+def act(programs: Path, file: Path, text: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [programs / "adrl_act", file], input=text, capture_output=True, text=True, check=False
+    )
+
+
+def velocities(programs: Path, file: Path, rows: ScanRows, *, with_motion: bool) -> np.ndarray:
+    """(N, 2) of adrl_act."""
+    done = act(programs, file, lines(rows, with_motion=with_motion))
+    assert done.returncode == 0, done.stderr
+    return np.array([line.split() for line in done.stdout.splitlines()], dtype=np.float64)
+
+
 @pytest.mark.slow
 @pytest.mark.integration
 @pytest.mark.parametrize("history_steps", [0, 5])
@@ -59,25 +75,70 @@ def test_the_cpp_example_agrees(programs: Path, tmp_path: Path, name: str, histo
     file = tmp_path / "policy.safetensors"
     file.write_bytes(to_safetensors(policy))
     rows = random_rows(robot, 50, seed=2)
-    done = subprocess.run(
-        [programs / "adrl_act", file],
-        input=lines(rows, with_motion=history_steps > 0),
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    theirs = np.array([line.split() for line in done.stdout.splitlines()], dtype=np.float64)
+    theirs = velocities(programs, file, rows, with_motion=history_steps > 0)
     np.testing.assert_allclose(theirs, ours(policy, robot, rows)[1], atol=1e-5)
 
 
 @pytest.mark.slow
 @pytest.mark.integration
-def test_the_cpp_example_drives(programs: Path, tmp_path: Path):
+@pytest.mark.parametrize("history_steps", [0, 5])
+def test_the_cpp_example_takes_inf_as_reach_and_tells_nan(programs: Path, tmp_path: Path, history_steps: int):
+    robot = ROBOTS["diffbot"]
+    policy = a_policy(robot, history_steps=history_steps)
     file = tmp_path / "policy.safetensors"
-    assert run_cli("export", "default", "--safetensors", "--out", file) == 0
-    done = subprocess.run([programs / "adrl_drive", file], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "at the goal" in done.stdout
+    file.write_bytes(to_safetensors(policy))
+    rows = random_rows(robot, 20, seed=3)
+    reach_m = np.float32(robot.lidar.max_range_m)
+    free = np.random.default_rng(0).random(rows.ranges.shape) < 0.3
+    infinite = replace(rows, ranges=np.where(free, np.inf, rows.ranges))
+    clipped = replace(rows, ranges=np.where(free, reach_m, rows.ranges))
+    theirs = velocities(programs, file, infinite, with_motion=history_steps > 0)
+    np.testing.assert_allclose(theirs, ours(policy, robot, clipped)[1], atol=1e-5)
+    rows.ranges[3, 40] = np.nan
+    theirs = velocities(programs, file, rows, with_motion=history_steps > 0)
+    assert np.isnan(theirs[3]).all()
+    assert np.isfinite(np.delete(theirs, 3, axis=0)).all()
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("1.0 " * 100, "line 1 has 100 numbers"),
+        ("1.0 " * 187, "line 1 has 187 numbers"),
+        ("1.0 " * 186 + "\n" + "1.0 " * 185, "line 2 has 185 numbers"),
+        ("1.0 " * 185 + "far", "no number: far"),
+    ],
+)
+def test_the_cpp_example_refuses_malformed_rows(programs: Path, tmp_path: Path, text: str, why: str):
+    file = tmp_path / "policy.safetensors"
+    file.write_bytes(to_safetensors(a_policy(ROBOTS["diffbot"])))
+    done = act(programs, file, text)
+    assert done.returncode == 1
+    assert why in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_the_cpp_example_drives_as_the_robot_of_its_policy_can(programs: Path, tmp_path: Path):
+    file = tmp_path / "policy.safetensors"
+    policy = load_policy(default_policy_folder())
+
+    def drive(**changes: float) -> subprocess.CompletedProcess[str]:
+        config = replace(policy.config, robot={**policy.config.robot, **changes})
+        file.write_bytes(to_safetensors(MlpPolicy(policy.layers, config)))
+        return subprocess.run([programs / "adrl_drive", file], capture_output=True, text=True, check=False)
+
+    as_trained, sluggish = drive(), drive(max_acceleration_mps2=0.1)
+    for done in (as_trained, sluggish):
+        assert done.returncode == 0, done.stdout + done.stderr
+    first, second = (float(done.stdout.split()[-2]) for done in (as_trained, sluggish))
+    assert second > first + 2.0  # 0.6 m/s take 6 s instead of 0.3 s
+    assert drive(radius_m=0.9).returncode == 1  # it stands in the first pillar's way
+    late = drive(latency_s=0.1)
+    assert late.returncode == 1
+    assert "latency" in late.stderr
 
 
 @pytest.mark.slow
@@ -87,9 +148,7 @@ def test_the_cpp_example_refuses_other_files(programs: Path, tmp_path: Path, con
     file = tmp_path / "policy.safetensors"
     if content is not None:
         file.write_bytes(content)
-    done = subprocess.run(
-        [programs / "adrl_act", file], input="", capture_output=True, text=True, check=False
-    )
+    done = act(programs, file, "")
     assert done.returncode == 1
     assert done.stderr.startswith("adrl_act: ")
 

@@ -114,6 +114,22 @@ def test_a_jump_of_localisation_plans_anew():
     assert command.distance_m == pytest.approx(np.hypot(8.0, 4.0), abs=0.1)
 
 
+def test_localisation_that_jumps_across_the_goal_has_not_reached_it():
+    """Driving across it between two steps has."""
+    goal, ends = (0.0, 0.0), []
+    for beyond_m in (3.0, 0.06):
+        navigator = Navigator(
+            a_policy(ROBOTS["diffbot"]), guidance="map", world=room(), goal_tolerance_m=0.02
+        )
+        navigator.set_goal(goal)
+        assert (
+            navigator.step(*still((0.0, 0.0, 0.0), 0.0), 0.0, map_pose=(-0.05, 0.0, 0.0)).status == "driving"
+        )
+        command = navigator.step(*still((0.0, 0.0, 0.0), 0.1), 0.1, map_pose=(beyond_m, 0.0, 0.0))
+        ends.append(command.status)
+    assert ends == ["driving", "reached"]
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

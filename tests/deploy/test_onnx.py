@@ -8,7 +8,8 @@ import numpy as np
 import onnxruntime
 import pytest
 
-from adrl.deploy import MlpPolicy
+from adrl.deploy import MlpPolicy, Scan
+from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.onnx_graph import to_onnx
 from adrl.deploy.setup import setup_of
 from adrl.errors import MissingExtra
@@ -41,21 +42,73 @@ def ours(policy: MlpPolicy, robot: RobotConfig, rows: ScanRows):
     return action, to_twist(action, robot)
 
 
+def theirs(policy: MlpPolicy, rows: ScanRows):
+    """(N, 2) actions and velocities of the exported model."""
+    session = onnxruntime.InferenceSession(to_onnx(policy), providers=["CPUExecutionProvider"])
+    given = {
+        spec.name: getattr(rows, spec.name).astype(np.float64 if "pose" in spec.name else np.float32)
+        for spec in session.get_inputs()
+    }
+    return tuple(map(np.asarray, session.run(["action", "velocity"], given)))
+
+
 @pytest.mark.parametrize("history_steps", [0, 5])
 @pytest.mark.parametrize("robot", ROBOTS_OF_ALL_KINDS, ids=lambda robot: robot.name)
 def test_onnxruntime_agrees(robot: RobotConfig, history_steps: int):
     policy = a_policy(robot, history_steps=history_steps)
-    session = onnxruntime.InferenceSession(to_onnx(policy), providers=["CPUExecutionProvider"])
     rows = random_rows(robot, 200, seed=1)
-    wanted = {spec.name: spec for spec in session.get_inputs()}
-    given = {
-        name: getattr(rows, name).astype(np.float64 if "pose" in name else np.float32) for name in wanted
-    }
-    action, velocity = map(np.asarray, session.run(["action", "velocity"], given))
+    action, velocity = theirs(policy, rows)
     expected = ours(policy, robot, rows)
     assert np.abs(expected[0]).max() > 0.1
     np.testing.assert_allclose(action, expected[0], atol=1e-5)
     np.testing.assert_allclose(velocity, expected[1], atol=1e-5)
+
+
+@pytest.mark.parametrize("history_steps", [0, 5])
+def test_what_a_driver_says_of_nothing_and_of_far_things_is_taken_as_the_runtime_takes_it(history_steps: int):
+    robot = ROBOTS["diffbot"]
+    policy = a_policy(robot, history_steps=history_steps)
+    rows, rng = random_rows(robot, 100, seed=2), np.random.default_rng(3)
+    reach_m, lidar = robot.lidar.max_range_m, robot.lidar
+
+    def as_drivers_say(ranges: np.ndarray) -> np.ndarray:
+        far = np.where(rng.random(ranges.shape) < 0.5, np.inf, rng.uniform(reach_m, 30.0, ranges.shape))
+        told = np.maximum(ranges, 0.05)  # 0, of a robot put into a pillar, tells the runtime nothing
+        return np.where(rng.random(ranges.shape) < 0.4, far, told).astype(np.float32)
+
+    def as_the_runtime_reads(ranges: np.ndarray) -> np.ndarray:
+        angles = dict(
+            angle_min_rad=lidar.angle_min_rad,
+            angle_increment_rad=lidar.angle_increment_rad,
+            range_max_m=30.0,
+            stamp_s=0.0,
+        )
+        return np.stack([LidarAdapter(lidar)(Scan(ranges=row, **angles)) for row in ranges])
+
+    raw = dataclasses.replace(
+        rows, ranges=as_drivers_say(rows.ranges), past_ranges=as_drivers_say(rows.past_ranges)
+    )
+    read = dataclasses.replace(
+        rows, ranges=as_the_runtime_reads(raw.ranges), past_ranges=as_the_runtime_reads(raw.past_ranges)
+    )
+    expected = ours(policy, robot, read)
+    assert np.abs(expected[0]).max() > 0.1
+    for got, wanted in zip(theirs(policy, raw), expected, strict=True):
+        np.testing.assert_allclose(got, wanted, atol=1e-5)
+
+
+@pytest.mark.parametrize(("history_steps", "scan"), [(0, "ranges"), (5, "ranges"), (5, "past_ranges")])
+def test_one_beam_of_nan_is_told_and_touches_no_other_robot(history_steps: int, scan: str):
+    policy = a_policy(ROBOTS["diffbot"], history_steps=history_steps)
+    rows = random_rows(ROBOTS["diffbot"], 6, seed=4)
+    sound = theirs(policy, rows)
+    ranges = getattr(rows, scan).copy()
+    for row, beam in enumerate((0, 17, 90, 179)):
+        ranges[row, beam] = np.nan
+    broken = theirs(policy, dataclasses.replace(rows, **{scan: ranges}))
+    for got, before in zip(broken, sound, strict=True):
+        assert np.isnan(got[:4]).all()
+        np.testing.assert_array_equal(got[4:], before[4:])
 
 
 def test_the_model_says_what_it_is_for():

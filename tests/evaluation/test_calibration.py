@@ -50,9 +50,9 @@ def test_the_constants_that_drove_are_found(true: dict[str, float]) -> None:
     fit = calibrate(driven(replace(nominal, **true)), nominal)
     assert (fit.error_after < 0.2 * fit.error_before).all()
     assert fit.robot.latency_s == pytest.approx(true["latency_s"], abs=0.01)
-    assert fit.robot.max_yaw_acceleration_radps2 == pytest.approx(
-        true["max_yaw_acceleration_radps2"], rel=0.05
-    )
+    assert fit.robot.lag_s == pytest.approx(true["lag_s"], abs=0.01)
+    for name in ("max_acceleration_mps2", "max_yaw_acceleration_radps2"):
+        assert getattr(fit.robot, name) == pytest.approx(true[name], rel=0.05)
 
 
 def test_drives_survive_a_file(tmp_path: Path) -> None:

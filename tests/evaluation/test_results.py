@@ -15,7 +15,7 @@ from rich.console import Console
 from adrl import files
 from adrl.errors import CheckpointError
 from adrl.evaluation import metrics
-from adrl.evaluation.metrics import Episodes
+from adrl.evaluation.metrics import RATES, Episodes
 from adrl.evaluation.results import (
     RunMeta,
     compare_paired,
@@ -176,8 +176,11 @@ def test_a_bad_episode_file_is_named(make_episodes, tmp_path):
 
 def test_paired_differences_vanish_between_equal_policies(make_episodes):
     episodes = make_episodes(30)
-    for interval in compare_paired(episodes, episodes).values():
-        assert interval == (0.0, 0.0, 0.0)
+    for metric, interval in compare_paired(episodes, episodes).items():
+        if metric in RATES:  # 30 tasks leave 11 points open
+            assert interval == pytest.approx((0.0, -0.114, 0.114), abs=1e-3)
+        else:
+            assert interval == (0.0, 0.0, 0.0)
 
 
 def test_paired_differences_use_the_tasks_both_solved(make_episodes):

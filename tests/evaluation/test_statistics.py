@@ -4,6 +4,8 @@ import math
 
 import numpy as np
 import pytest
+import scipy.optimize
+import scipy.special
 import scipy.stats
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -14,6 +16,7 @@ from adrl.evaluation.statistics import (
     bootstrap_mean,
     interquartile_mean,
     paired_difference,
+    paired_rate_difference,
     probability_of_improvement,
     seed_iqm,
     seed_mean,
@@ -199,6 +202,82 @@ def test_pairing_is_narrower_than_two_intervals_when_tasks_are_shared():
 def test_pairs_of_unequal_length_are_refused():
     with pytest.raises(ValueError, match="equal lengths"):
         paired_difference([1.0, 2.0], [1.0])
+
+
+def pairs(b: int, c: int, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """n tasks, of which only ours solved b and only theirs c; both solved half of the rest."""
+    rows = np.arange(n)
+    both = rows >= b + c + (n - b - c) // 2
+    return (both | (rows < b)).astype(float), (both | ((rows >= b) & (rows < b + c))).astype(float)
+
+
+@st.composite
+def discordant(draw):
+    n = draw(st.integers(2, 300))
+    b = draw(st.integers(0, n))
+    return b, draw(st.integers(0, n - b)), n
+
+
+@given(discordant(), CONFIDENCES)
+def test_the_score_of_a_paired_rate_is_just_not_rejected_at_its_ends(count, confidence):
+    """With q found by trying all, not by the root."""
+    b, c, n = count
+    interval = paired_rate_difference(*pairs(*count), confidence=confidence)
+    assert interval.estimate == pytest.approx((b - c) / n)
+    assert -1.0 <= interval.low <= interval.estimate + 1e-9
+    assert interval.estimate - 1e-9 <= interval.high <= 1.0
+    z = scipy.stats.norm.ppf(0.5 + 0.5 * confidence)
+    for d in (interval.low, interval.high):
+        if abs(d) > 1.0 - 1e-6:
+            continue
+
+        def minus_log_likelihood(q: float, d: float = d) -> float:
+            terms = scipy.special.xlogy((b, c, n - b - c), (q + d, q, 1.0 - 2.0 * q - d))
+            return -terms.sum()
+
+        bounds = (max(0.0, -d), 0.5 * (1.0 - d))
+        found = scipy.optimize.minimize_scalar(
+            minus_log_likelihood, bounds=bounds, method="bounded", options={"xatol": 1e-12}
+        )
+        score = (b - c - n * d) / math.sqrt(n * (2.0 * found.x + d * (1.0 - d)))
+        assert abs(score) == pytest.approx(z, rel=2e-3)
+
+
+@given(discordant(), CONFIDENCES)
+def test_swapping_the_policies_mirrors_the_difference_of_rates(count, confidence):
+    x, y = pairs(*count)
+    ours, theirs = (paired_rate_difference(*p, confidence=confidence) for p in ((x, y), (y, x)))
+    assert ours == pytest.approx((-theirs.estimate, -theirs.high, -theirs.low), abs=1e-12)
+
+
+@pytest.mark.parametrize("n", [1, 8, 500])
+def test_tasks_that_all_ended_alike_leave_a_difference_open(n):
+    x, _ = pairs(0, 0, n)
+    interval = paired_rate_difference(x, x)
+    share = 1.959964**2 / (n + 1.959964**2)
+    assert interval == pytest.approx((0.0, -share, share), abs=1e-6)
+
+
+@pytest.mark.parametrize(("only_ours", "only_theirs"), [(0.01, 0.01), (0.05, 0.0), (0.2, 0.1), (0.02, 0.3)])
+def test_a_paired_rate_keeps_its_coverage_where_few_pairs_differ(only_ours, only_theirs):
+    """Exactly: over all counts of 40 tasks, by their chance."""
+    n, covered = 40, 0.0
+    chances = scipy.stats.multinomial(n, (only_ours, only_theirs, 1.0 - only_ours - only_theirs))
+    for b in range(n + 1):
+        for c in range(n + 1 - b):
+            chance = chances.pmf((b, c, n - b - c))
+            if chance > 1e-6:
+                interval = paired_rate_difference(*pairs(b, c, n))
+                covered += chance * (interval.low <= only_ours - only_theirs <= interval.high)
+    assert covered > 0.93
+
+
+def test_a_paired_rate_is_of_equally_many_zeros_and_ones():
+    with pytest.raises(ValueError, match="equal lengths"):
+        paired_rate_difference([1.0, 0.0], [1.0])
+    with pytest.raises(ValueError, match="0 or 1"):
+        paired_rate_difference([0.5], [1.0])
+    assert math.isnan(paired_rate_difference([], []).low)
 
 
 # --- training seeds -------------------------------------------------------------------------------

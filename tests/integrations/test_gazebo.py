@@ -1,6 +1,7 @@
 """Robots in Gazebo: they see and hit what ours do, obey their limits, and their processes end."""
 
 import json
+import math
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -20,10 +21,10 @@ from adrl.evaluation.drives import read_drives
 from adrl.evaluation.results import compare_paired
 from adrl.evaluation.rollout import rollout
 from adrl.integrations.gazebo import Gazebo
-from adrl.integrations.gazebo.model import body_of, robot_model, wheel_torque_nm
 from adrl.integrations.gazebo.server import gazebo_folder, is_installed, plugin_file
-from adrl.observation import EncoderConfig
-from adrl.types import LidarConfig, RobotConfig, Task, World
+from adrl.integrations.ros.robot import SimulatedRobot
+from adrl.observation import EncoderConfig, to_action
+from adrl.types import Task, World
 from adrl.worlds import ROBOTS, SCENARIOS, load_robot, robot_from_fields, task_set
 from adrl.worlds.shapes import box, enclosure
 
@@ -106,6 +107,31 @@ class TestInGazebo:
         assert sim.b["clearance"][0] < 0.03
         assert sim.b["travelled"][0] == pytest.approx(0.8, abs=0.03)
 
+    def test_wheels_touch_no_wall_that_the_footprint_does_not(self, gazebo: Gazebo) -> None:
+        """The Jackal's tyres are wider in the physics than it is itself."""
+        jackal = load_robot("jackal")
+        half = float(jackal.polygon[:, 1].max())
+        wall = World(bounds=(0.0, 0.0, 6.0, 6.0), polygons=(box(2.5, 2.0, 4.0, 0.2, 0.0),))
+        beside = 2.1 + half + 0.04
+        with Gazebo(replace(jackal, lidar=replace(jackal.lidar, num_beams=36, noise_std_m=0.0))) as own:
+            sim = a_sim(own, a_task((1.5, beside, 0.0), wall))
+            for _ in range(20):
+                outcome = sim.step(to_action(np.array([(0.8, 0.0)]), own.robot))
+                assert not outcome.collided[0]
+            x, y, yaw = sim.b["pose"][0]
+        assert x > 2.5
+        assert (y, yaw) == pytest.approx((beside, 0.0), abs=0.01)
+
+    def test_a_base_lags_as_its_robot_does(self, gazebo: Gazebo) -> None:
+        """A lag that nothing else of the base has: after a step of the command 1 - exp(-t / lag) of it."""
+        slow = replace(gazebo.robot, lag_s=0.4, max_acceleration_mps2=20.0)
+        with Gazebo(slow) as own:
+            sim = a_sim(own, a_task((1.0, 1.0, 0.6)))
+            for period in range(1, 13):
+                sim.step(to_action(np.array([(0.5, 0.0)]), slow))
+                share = 1.0 - math.exp(-0.1 * period / 0.4)
+                assert sim.b["twist"][0, 0] == pytest.approx(0.5 * share, abs=0.02)
+
     def test_a_new_task_takes_the_place_of_the_old_world(self, gazebo: Gazebo) -> None:
         empty = World(bounds=(0.0, 0.0, 6.0, 6.0), circles=np.array([(5.0, 3.0, 0.3)]))
         sim = a_sim(gazebo, a_task((1.0, 1.0, 0.0)))
@@ -127,14 +153,52 @@ class TestInGazebo:
         seen = _core.raycast(world.native, sim.b["pose"], angles, 6.0, time_s)
         assert (np.abs(seen - sim.b["ranges"]) < 0.05).mean() > 0.96
 
-    def test_equal_seeds_give_equal_drives(self, gazebo: Gazebo) -> None:
-        ends = []
-        for _ in range(2):
-            sim = a_sim(gazebo, a_task((1.0, 1.0, 0.6)), a_task((3.0, 5.0, -2.0)))
-            for _ in range(10):
-                sim.step(np.repeat(action(0.4, 0.3), 2, axis=0).astype(np.float32))
-            ends.append(sim.b["pose"].copy())
-        np.testing.assert_allclose(ends[0], ends[1], atol=2e-3)
+    def test_the_lidar_has_the_noise_of_the_robot_and_equal_seeds_give_equal_drives(
+        self, gazebo: Gazebo
+    ) -> None:
+        """Drives of a policy that acts on its scan, so that its noise is in the poses too."""
+        noisy = replace(ROBOT, lidar=replace(ROBOT.lidar, noise_std_m=0.03))
+        task = a_task((1.0, 1.0, 0.6))
+        with Gazebo(noisy) as own:
+            sim = NavSim(1, noisy, body=own)
+
+            def drive(seed: int, still: bool) -> np.ndarray:
+                sim.reset(np.arange(1), [task], np.array([seed], np.uint64), np.random.default_rng(0))
+                scans = [sim.b["ranges"][0].copy()]
+                for _ in range(40):
+                    left, right = scans[-1][90:].mean(), scans[-1][:90].mean()
+                    sim.step(action(0.0, 0.0) if still else action(0.2, 0.5 * (left - right)))
+                    scans.append(sim.b["ranges"][0].copy())
+                return np.array(scans)
+
+            scans = drive(1, still=True)
+            truth = _core.raycast(ROOM.native, sim.b["pose"], noisy.lidar.angles_rad, 6.0)[0]
+            error = (scans - truth)[:, truth < 5.5]
+            assert error.std(axis=0).mean() == pytest.approx(0.03, rel=0.1)
+            # Each beam its own, each time anew.
+            assert abs(np.corrcoef(error[:, 3], error[:, 4])[0, 1]) < 0.6
+            assert abs(np.corrcoef(error[:-1, 3], error[1:, 3])[0, 1]) < 0.6
+            first, again, other = (drive(seed, still=False) for seed in (5, 5, 6))
+        # Solver and resting contacts are not put back to the last bit.
+        assert np.median(np.abs(first - again)) < 1e-3
+        assert np.median(np.abs(first - other)) > 0.01
+
+    def test_the_robot_of_the_ros_nodes_begins_anew_after_a_collision(self, gazebo: Gazebo) -> None:
+        robot = SimulatedRobot(a_task((5.0, 3.0, 0.0)), gazebo.robot, body=gazebo)
+        farthest = 0.0
+        for _ in range(40):
+            robot.command((0.5, 0.0))
+            robot.advance()
+            if robot.collisions:
+                break
+            farthest = robot.odometry.pose[0]
+        assert farthest == pytest.approx(1.0 - ROBOT.circumscribed_radius_m, abs=0.1)
+        assert robot.collisions == 1
+        np.testing.assert_allclose(robot.pose, (5.0, 3.0, 0.0), atol=1e-3)
+        np.testing.assert_allclose(robot.odometry.pose, 0.0, atol=1e-3)
+        for _ in range(8):  # nobody tells it anything: its watchdog
+            robot.advance()
+        np.testing.assert_allclose(robot.odometry.twist, 0.0, atol=0.01)
 
     def test_it_cannot_be_put_back_amid_an_episode(self, gazebo: Gazebo) -> None:
         sim = a_sim(gazebo, a_task((1.0, 1.0, 0.6)))
@@ -210,34 +274,6 @@ def test_a_plugin_built_of_other_source_is_not_taken(
         Gazebo(ROBOT)
     (built / plugin_file()).touch()
     assert is_installed()
-
-
-@pytest.mark.parametrize("name", ROBOTS)
-def test_a_model_weighs_what_its_body_does_and_stays_in_its_footprint(name: str) -> None:
-    robot = load_robot(name)
-    model, body = robot_model(robot, "r", (1.0, 2.0, 0.3)), body_of(robot)
-    masses = [float(mass.text or "") for mass in model.iter("mass")]
-    assert sum(masses) == pytest.approx(body.mass_kg)
-    assert body.wheel_separation_m < 2.0 * robot.circumscribed_radius_m
-    horizontal = model.find("link/sensor/ray/scan/horizontal")
-    assert horizontal is not None
-    assert horizontal.findtext("samples") == str(robot.lidar.num_beams)
-    assert float(horizontal.findtext("max_angle") or "") == pytest.approx(robot.lidar.angles_rad[-1])
-    # Torque enough for both wheels to accelerate the mass as the config says.
-    force = 2.0 * wheel_torque_nm(robot, body) / body.wheel_radius_m
-    assert force > body.mass_kg * robot.max_acceleration_mps2
-
-
-def test_what_gazebo_cannot_show_is_refused() -> None:
-    with pytest.raises(ConfigError, match="dropout"):
-        robot_model(RobotConfig(lidar=LidarConfig(dropout_probability=0.1)), "r", (0.0, 0.0, 0.0))
-    outside = RobotConfig(radius_m=None, footprint_m=((0.1, -0.2), (0.5, -0.2), (0.5, 0.2), (0.1, 0.2)))
-    with pytest.raises(ConfigError, match="origin"):
-        body_of(outside)
-    with pytest.raises(ConfigError, match="physics_step_s"):
-        Gazebo(ROBOT, physics_step_s=0.5)
-    with pytest.raises(ConfigError, match="num_envs"):
-        Gazebo(ROBOT, 0)
 
 
 @pytest.mark.gazebo

@@ -3,6 +3,7 @@
 Kilted from .venv-ros2 (make ros2), or what ADRL_ROS2 names, as the environment of Jazzy; ROS 1 from the distribution.
 """
 
+import math
 import os
 import re
 import shlex
@@ -16,8 +17,10 @@ from typing import Any
 
 import pytest
 
+from adrl.integrations.gazebo.server import gazebo_folder, is_installed
 from adrl.integrations.ros1.node import DIST_PACKAGES
-from adrl.worlds import load_robot, task_set
+from adrl.poses import compose, inverse
+from adrl.worlds import SCENARIOS, load_robot, task_set
 from adrl.worlds.map_scenario import MapScenario
 from integrations.ros_processes import Event, Probe, Ros
 
@@ -94,6 +97,43 @@ def test_fifty_goals_none_missed_none_collided(ros: Ros, a_map: str) -> None:
         outcomes.append(probe.events[ended]["outcome"])
     assert outcomes == ["reached"] * 50
     assert [event["count"] for event in probe.of("collisions")] == [0]
+
+
+@pytest.mark.ros
+@pytest.mark.gazebo
+@pytest.mark.slow
+@pytest.mark.integration
+def test_a_goal_is_reached_in_gazebo_in_real_time(ros: Ros) -> None:
+    """The driving node is the same; Gazebo is the robot, among the obstacles of a test task."""
+    if not is_installed() and os.environ.get("CI") != "true":
+        pytest.skip("Gazebo is not set up; run scripts/gazebo-chroot")
+    ros.environment["ADRL_GAZEBO"] = str(gazebo_folder())
+    task = task_set(SCENARIOS["clutter"], load_robot("diffbot"), "test", 1)[0]
+    *goal, _ = compose(inverse(task.start), (*task.goal, 0.0))
+    robot = ros.node("sim", "--simulator", "gazebo")
+    node = ros.node("drive", "--guidance", "goal")
+    probe = ros.probe("odom")
+    probe.wait(is_idle)
+    first = probe.order(goal=goal, frame="odom")
+    ended = probe.wait(has_ended(1), first)
+    assert probe.events[ended]["outcome"] == "reached"
+    assert math.hypot(*goal) > 3.0
+    assert math.dist([probe.of("odom")[-1][axis] for axis in "xy"], goal) < 0.5
+    told = probe.of("odom")
+    assert (told[-1]["t"] - told[0]["t"]) / (told[-1]["at_s"] - told[0]["at_s"]) == pytest.approx(
+        1.0, abs=0.1
+    )
+    assert [event["count"] for event in probe.of("collisions")] == [0]
+    assert (node.end(), robot.end()) == (0, 0)
+
+
+@pytest.mark.ros
+@pytest.mark.integration
+def test_without_gazebo_the_simulated_robot_says_what_to_run(ros: Ros) -> None:
+    ros.environment["ADRL_GAZEBO"] = str(ros.folder / "nowhere")
+    robot = ros.node("sim", "--simulator", "gazebo")
+    assert robot.popen.wait(timeout=30.0) == 2
+    assert "scripts/gazebo-chroot" in robot.log.read_text()
 
 
 @pytest.mark.ros

@@ -12,6 +12,7 @@ from adrl.integrations.driver import STOPS
 from adrl.integrations.ros import drive, sim
 from adrl.integrations.ros.config import DriveConfig, SimConfig
 from adrl.integrations.ros.outbox import PLAN_S, STATUS_S
+from adrl.integrations.ros.robot import SimulatedRobot
 from adrl.poses import yaw_of
 from adrl.worlds import ROBOTS, task_set
 
@@ -108,7 +109,8 @@ def test_the_two_nodes_drive_to_a_goal_on_the_map() -> None:
     place = SimConfig(scenario="clutter", stamped=True, base_frame="r/base", scan_frame="r/laser")
     config = DriveConfig(guidance="goal", stamped=True, base_frame="r/base")
     told, said = Publications(sim.PUBLICATIONS), Publications(drive.publications(config))
-    robot = sim.SimTopics(place, told.publish, header, new)
+    with SimulatedRobot.of(place) as simulated:
+        robot = sim.SimTopics(place, simulated, told.publish, header, new)
     clock_s = 0.0
     node = drive.DriveTopics(
         config, said.publish, now_s=lambda: clock_s, seconds=seconds, header=header, simulated=True, new=new

@@ -42,12 +42,14 @@ def bench_ros2(policy: str, *, scans: int = 600) -> dict[str, Any]:
 
 def _measure(node_id: int, scans: int) -> dict[str, Any]:
     from adrl.integrations.ros.messages import message_class, new_message
+    from adrl.integrations.ros.robot import SimulatedRobot
     from adrl.integrations.ros.sim import LATCHED, PUBLICATIONS, SimTopics, subscription
     from adrl.integrations.ros2 import node as ros
 
     sent_s: list[float] = [0.0]
     latency_s: list[float] = []
-    with ros.a_node("adrl_bench", []) as node:
+    config = SimConfig(scenario="clutter", localised=False)
+    with ros.a_node("adrl_bench", []) as node, SimulatedRobot.of(config) as simulated:
         publish = {
             topic: ros.publisher(node, topic, kind, latched=topic in LATCHED)
             for topic, kind in PUBLICATIONS.items()
@@ -59,9 +61,9 @@ def _measure(node_id: int, scans: int) -> dict[str, Any]:
             publish_scan(message)
 
         # A robot's clock, not a simulation's.
-        config = SimConfig(scenario="clutter", localised=False)
         robot = SimTopics(
             config,
+            simulated,
             publish | {"scan": scan, "/clock": lambda _: None},
             lambda _, frame: ros.header(time.time(), frame),
         )

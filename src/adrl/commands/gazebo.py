@@ -134,8 +134,8 @@ def _transfer(arguments: Sequence[str]) -> int:
     require_folder("--out", options.out)
     require_file("--json", options.json)
     robot = load_robot(options.robot or api.robot_of(options.policy))
-    place = {"native": None, "gazebo": None, "calibrated": None}
-    folders = {name: None if options.out is None else options.out / name for name in place}
+    simulators = ("native", "gazebo", "calibrated")
+    folders = {name: None if options.out is None else options.out / name for name in simulators}
     sides = {
         "gazebo": _drive(
             options,

@@ -21,12 +21,12 @@ def run(command: str, split: Split, arguments: Sequence[str], example: str) -> i
 
     def sim(arguments: Sequence[str]) -> int:
         ours, theirs = split(arguments)
-        config = parse(SimConfig, ours, f"{command} sim", "Our simulator as a robot on the topics of one.")
+        config = parse(SimConfig, ours, f"{command} sim", "A simulated robot on the topics of one.")
         import_module(f"adrl.integrations.{command}.sim").sim(config, theirs)
         return 0
 
     kinds = {
         "drive": ("drive a robot to the goals it gets", drive),
-        "sim": ("our simulator as a robot on the topics of one", sim),
+        "sim": ("a simulated robot on the topics of one", sim),
     }
     return subcommand(command, "node", kinds, arguments, f"\nROS's own arguments go with them: {example}")

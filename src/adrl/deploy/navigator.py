@@ -139,7 +139,7 @@ class Navigator:
         assert scan is not None
         assert odometry is not None
         place = odometry.pose if map_pose is None or self._map is None else map_pose
-        if self._arrived(place, self.goal):
+        if self._arrived(place, self.goal, now_s):
             self.cancel()
             return self._stand("reached", now_s)
         try:
@@ -204,13 +204,23 @@ class Navigator:
             twist=(0.0, 0.0), status=status, reasons=reasons, message=message, plan=np.empty((0, 2))
         )
 
-    def _arrived(self, place: Pose, goal: tuple[float, float]) -> bool:
-        """Whether the robot is at the goal, or has crossed its disc since the last step."""
-        before = self._last[0] if self._last is not None and not self._interrupted else place
-        a = np.array(before[:2])
-        way = np.array(place[:2]) - a
-        share = np.clip((np.array(goal) - a) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
-        return float(np.hypot(*(a + share * way - goal))) < self.goal_tolerance_m
+    def _arrived(self, place: Pose, goal: tuple[float, float], now_s: float) -> bool:
+        """Whether the robot is at the goal, or has driven across its disc since the last step.
+
+        Localisation that finds it beyond the goal has not driven it there.
+        """
+        here, there = np.array(place[:2]), np.array(goal)
+        before = here
+        if self._last is not None and not self._interrupted:
+            last = np.array(self._last[0][:2])
+            before = last if math.dist(last, here) <= self._drivable_m(self._last[1], now_s) else here
+        way = here - before
+        share = np.clip((there - before) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
+        return float(np.hypot(*(before + share * way - there))) < self.goal_tolerance_m
+
+    def _drivable_m(self, since_s: float, now_s: float) -> float:
+        """More than the robot can have driven since then: it may be faster than it is told to be."""
+        return 2.0 * self.robot.max_speed_mps * max(now_s - since_s, self.robot.control_period_s)
 
     def _guide(
         self, ranges: F32, reckoned: Array, place: Pose, goal: tuple[float, float], now_s: float
@@ -241,8 +251,7 @@ class Navigator:
         if self._last is None:
             return False
         before, at_s = self._last
-        driven_m = self.robot.max_speed_mps * max(now_s - at_s, self.robot.control_period_s)
-        return math.dist(before[:2], place[:2]) > 2.0 * driven_m + RELOCALISED_M
+        return math.dist(before[:2], place[:2]) > self._drivable_m(at_s, now_s) + RELOCALISED_M
 
     def _remember(self, ranges: F32, reckoned: Array) -> None:
         if self._history is None:

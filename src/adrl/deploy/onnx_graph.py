@@ -55,10 +55,11 @@ class Graph:
 def to_onnx(policy: MlpPolicy) -> bytes:
     """The model of a policy, N robots at once.
 
-    Inputs, float32: ranges (N, K) metres of the trained LiDAR; goal (N, 2) metres, in the robot's frame; twist (N, 2)
-    measured speed and yaw rate; last_action (N, 2). With motion cues also past_ranges (N, K) of history_steps control
-    periods ago, and, float64, pose and past_pose (N, 3) by odometry. Outputs: action (N, 2) in [-1, 1] and velocity
-    (N, 2), m/s and rad/s. Metadata: robot, encoder, guidance, method, maturity, version, as JSON.
+    Inputs, float32: ranges (N, K) metres of the trained LiDAR, those beyond its reach, infinite ones among them, taken
+    as its reach; a NaN among a robot's ranges makes its outputs NaN. goal (N, 2) metres, in the robot's frame; twist
+    (N, 2) measured speed and yaw rate; last_action (N, 2). With motion cues also past_ranges (N, K) of history_steps
+    control periods ago, and, float64, pose and past_pose (N, 3) by odometry. Outputs: action (N, 2) in [-1, 1] and
+    velocity (N, 2), m/s and rad/s. Metadata: robot, encoder, guidance, method, maturity, version, as JSON.
 
     Raises MissingExtra without onnx, CheckpointError.
     """
@@ -70,12 +71,18 @@ def to_onnx(policy: MlpPolicy) -> bytes:
     encoder = ObservationEncoder(setup.robot, setup.encoder)
     graph = Graph(onnx)
     steps = setup.encoder.history_steps
-    parts = [_sectors(graph, encoder), _goal(graph, setup.encoder.goal_scale_m)]
+    ranges = _within_reach(graph, "ranges", setup.robot.lidar.max_range_m)
+    parts = [_sectors(graph, encoder, ranges), _goal(graph, setup.encoder.goal_scale_m)]
     fastest = [setup.robot.max_speed_mps, setup.robot.max_yaw_rate_radps]
     parts += [graph.op("Div", "twist", graph.constant([fastest])), "last_action"]
     if steps > 0:
-        parts.append(_motion(graph, cue_settings(setup.robot, setup.encoder.num_sectors, steps)))
+        past = _within_reach(graph, "past_ranges", setup.robot.lidar.max_range_m)
+        parts.append(
+            _motion(graph, cue_settings(setup.robot, setup.encoder.num_sectors, steps), ranges, past)
+        )
+    scans = ["ranges", "past_ranges"] if steps > 0 else ["ranges"]
     action = _network(graph, policy, graph.op("Concat", *parts, axis=1))
+    action = graph.op("Where", _has_nan(graph, scans), graph.constant(math.nan), action, output="action")
     span = setup.robot.max_speed_mps - setup.robot.min_speed_mps
     scaled = graph.op("Mul", action, graph.constant([[0.5 * span, fastest[1]]]))
     offset = graph.constant([[setup.robot.min_speed_mps + 0.5 * span, 0.0]])
@@ -123,12 +130,25 @@ def metadata(policy: MlpPolicy) -> dict[str, str]:
     }
 
 
-def _sectors(graph: Graph, encoder: ObservationEncoder) -> str:
+def _within_reach(graph: Graph, ranges: str, greatest_m: float) -> str:
+    """(N, K) the same ranges from 0 to the LiDAR's reach; 0 for NaN, which has no place among sectors."""
+    ranges = graph.op("Where", graph.op("IsNaN", ranges), graph.constant(0.0), ranges)
+    return graph.op("Clip", ranges, graph.constant(0.0), graph.constant(greatest_m))
+
+
+def _has_nan(graph: Graph, scans: list[str]) -> str:
+    """(N, 1) whether a scan holds a NaN, which minima and activations may or may not pass on."""
+    numbers = [graph.cast(graph.op("IsNaN", scan), np.float32) for scan in scans]
+    count = graph.op("ReduceMax", graph.op("Concat", *numbers, axis=1), graph.constant([1], np.int64))
+    return graph.op("Greater", count, graph.constant(0.0))
+
+
+def _sectors(graph: Graph, encoder: ObservationEncoder, ranges: str) -> str:
     """(N, S) log-scaled nearest ranges; see ObservationEncoder.encode."""
     greatest, near = encoder.robot.lidar.max_range_m, encoder.config.near_m
     # A column that reads the greatest range stands for the beams of sectors that have none.
-    column = graph.op("Mul", graph.columns("ranges", start=0, stop=1), graph.constant(0.0))
-    padded = graph.op("Concat", "ranges", graph.op("Add", column, graph.constant(greatest)), axis=1)
+    column = graph.op("Mul", graph.columns(ranges, start=0, stop=1), graph.constant(0.0))
+    padded = graph.op("Concat", ranges, graph.op("Add", column, graph.constant(greatest)), axis=1)
     beams = graph.op("Gather", padded, graph.constant(encoder.beams_of_sectors, np.int64), axis=1)
     nearest = graph.op("ReduceMin", beams, graph.constant([2], np.int64), keepdims=0)
     gap = graph.op("Max", graph.op("Sub", nearest, graph.constant(encoder.extent_m)), graph.constant(0.0))
@@ -149,20 +169,18 @@ def _network(graph: Graph, policy: MlpPolicy, x: str) -> str:
     *hidden, (weight, bias) = policy.layers
     for matrix, offset in hidden:
         x = graph.op("Relu", graph.op("Gemm", x, graph.constant(matrix), graph.constant(offset)))
-    return graph.op(
-        "Tanh", graph.op("Gemm", x, graph.constant(weight), graph.constant(bias)), output="action"
-    )
+    return graph.op("Tanh", graph.op("Gemm", x, graph.constant(weight), graph.constant(bias)))
 
 
 # --- motion cues: core/motion_cue.cpp, operation by operation, in the same precision -----------------------
 
 
-def _motion(graph: Graph, cue: CueSettings) -> str:
+def _motion(graph: Graph, cue: CueSettings, ranges: str, past: str) -> str:
     """(N, S) what has come, negative, or gone."""
     now, then = _sensor(graph, "pose", cue), _sensor(graph, "past_pose", cue)
     numbers = graph.constant([np.arange(cue.num_beams)], np.float64)
-    come = _marks(graph, cue, "ranges", now, then, "past_ranges", numbers)
-    gone = _marks(graph, cue, "past_ranges", then, now, "ranges", None)
+    come = _marks(graph, cue, ranges, now, then, past, numbers)
+    gone = _marks(graph, cue, past, then, now, ranges, None)
     taken = graph.op("Greater", come, graph.constant(0.0))
     metres = graph.op("Where", taken, graph.op("Neg", come), gone)
     share = graph.op("Div", metres, graph.constant(cue.scale_m))

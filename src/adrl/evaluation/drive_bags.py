@@ -1,5 +1,6 @@
 """Drives from ROS recordings: bags of ROS 1, and of ROS 2 in both storage formats."""
 
+import itertools
 import math
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from adrl.evaluation.drives import Drives
 from adrl.types import Array
 
 SILENCE_PERIODS = 3.0
-"""Odometry that is silent for longer ends a drive, and what comes after begins another."""
+"""Odometry or commands that are silent for longer end a drive, and what comes after begins another."""
 
 
 def read_bag(
@@ -24,7 +25,9 @@ def read_bag(
     """Resample a bag's commands (Twist or TwistStamped) and odometry to control periods.
 
     Periods begin when commands come; the speeds at their ends are interpolated between odometry messages, by the times
-    at which the bag recorded them. Raises MissingExtra without rosbags, DatasetError naming file and topic.
+    at which the bag recorded them. A drive ends a period after the last command before a pause: the
+    recording does not say when the base stopped by itself. Raises MissingExtra without rosbags, DatasetError
+    naming file and topic.
     """
     with open_bag(path) as bag:
         commands, odometry = (
@@ -48,26 +51,35 @@ def _twists(bag: Bag, topic: str, kinds: tuple[str, ...]) -> Array:
 
 
 def _resample(path: Path, commands: Array, odometry: Array, period_s: float) -> Drives:
-    """Control periods in which there is odometry, the first command given."""
+    """Control periods in which there are odometry and commands."""
     turns = np.exp(2j * math.pi * commands[:, 0] / period_s).mean()
     phase = float(np.angle(turns)) / (2.0 * math.pi) * period_s  # when in a period commands come
     parts = []
-    breaks = np.flatnonzero(np.diff(odometry[:, 0]) > SILENCE_PERIODS * period_s) + 1
-    for number, stretch in enumerate(np.split(odometry, breaks)):
-        low, high = max(stretch[0, 0], commands[0, 0] - 0.5 * period_s), stretch[-1, 0]
+    pairs = itertools.product(_stretches(odometry, period_s), _stretches(commands, period_s))
+    for number, (stretch, orders) in enumerate(pairs):
+        low = max(stretch[0, 0], orders[0, 0] - 0.5 * period_s)
+        high = min(stretch[-1, 0], orders[-1, 0] + 1.5 * period_s)
         count = int((high - low) / period_s) - 1
         if count < 1:
             continue
         begins = phase + (math.ceil((low - phase) / period_s) + np.arange(count)) * period_s
         ends = begins + period_s
         # Half a period of grace: a command comes about when its period begins.
-        newest = np.searchsorted(commands[:, 0], begins + 0.5 * period_s, side="right") - 1
-        told = commands[np.maximum(newest, 0), 1:]
+        newest = np.searchsorted(orders[:, 0], begins + 0.5 * period_s, side="right") - 1
+        told = orders[np.maximum(newest, 0), 1:]
         done = np.stack([np.interp(ends, stretch[:, 0], stretch[:, column]) for column in (1, 2)], axis=1)
         # One period late: nobody knows whether the robot stood before.
         time_s = (np.arange(count) + 2) * period_s
         parts.append((np.full(count, number), time_s, told, done))
     if not parts:
-        raise DatasetError(f"{path}: commands and odometry do not overlap for two periods of {period_s} s")
+        raise DatasetError(
+            f"{path}: commands and odometry do not overlap for two periods of {period_s} s without a pause of "
+            f"{SILENCE_PERIODS:g}; drive it with something that repeats its commands"
+        )
     drive, time_s, told, done = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     return Drives(drive.astype(np.int64), time_s, told, done)
+
+
+def _stretches(table: Array, period_s: float) -> list[Array]:
+    """Rows between silences."""
+    return np.split(table, np.flatnonzero(np.diff(table[:, 0]) > SILENCE_PERIODS * period_s) + 1)

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING, Any
 from adrl import files
 from adrl.errors import CheckpointError
 from adrl.evaluation.metrics import OVER_SUCCESSES, RATES, SAMPLES, Episodes, on_common_tasks, solved_by_all
-from adrl.evaluation.statistics import Interval, bootstrap_mean, paired_difference, wilson_interval
+from adrl.evaluation.statistics import (
+    Interval,
+    bootstrap_mean,
+    paired_difference,
+    paired_rate_difference,
+    wilson_interval,
+)
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -67,15 +73,15 @@ def summarise(episodes: Episodes, meta: RunMeta) -> Summary:
 
 
 def compare_paired(first: Episodes, second: Episodes) -> dict[str, Interval]:
-    """Metric by metric, first minus second on the tasks both drove, with paired 95 % bootstrap intervals.
+    """Metric by metric, first minus second on the tasks both drove, with paired 95 % intervals.
 
+    Tango's of rates, which tells what none that differ leaves open; bootstrap intervals of the others.
     Metrics over successes use the tasks that both solved, so that neither gains by failing the long ones.
     """
     tasks = on_common_tasks([first, second])
     solved = solved_by_all([first, second])
     differences = {
-        ending: paired_difference(*(getattr(episodes, ending).astype(float) for episodes in tasks))
-        for ending in RATES
+        ending: paired_rate_difference(*(getattr(episodes, ending) for episodes in tasks)) for ending in RATES
     }
     for name, samples in SAMPLES.items():
         pair = solved if name in OVER_SUCCESSES else tasks

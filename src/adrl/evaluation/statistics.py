@@ -1,9 +1,9 @@
 """Intervals for what evaluation measured. Everything is seeded: equal numbers in, equal numbers out.
 
 Two questions, two units. How good is this policy: the episode is the unit (`wilson_interval`,
-`bootstrap_mean`, `paired_difference`). How good is this method: the training seed is the unit (`seed_mean`,
-`seed_iqm`, `probability_of_improvement`), after Agarwal et al. 2021, "Deep RL at the edge of the statistical
-precipice".
+`bootstrap_mean`, `paired_difference`, `paired_rate_difference`). How good is this method: the training seed is the
+unit (`seed_mean`, `seed_iqm`, `probability_of_improvement`), after Agarwal et al. 2021, "Deep RL at the edge of the
+statistical precipice".
 """
 
 import math
@@ -74,6 +74,46 @@ def paired_difference(
     if x.shape != y.shape:
         raise ValueError(f"pairs need equal lengths, got {len(x)} and {len(y)}")
     return bootstrap_mean(x - y, confidence=confidence, resamples=resamples, seed=seed)
+
+
+def paired_rate_difference(ours: ArrayLike, theirs: ArrayLike, *, confidence: float = 0.95) -> Interval:
+    """Rate of ours less that of theirs, both (E,) of 0 and 1, row i on the same task: Tango's score interval.
+
+    Tango 1998, "Equivalence test and confidence interval for the difference in proportions for the paired-sample
+    design". With b tasks that only ours, c that only theirs did, it holds every difference d of the rates with
+
+        (b - c - n d)^2 <= z^2 n (2 q + d (1 - d)),
+
+    q being the likeliest chance of c's kind of task under d. Unlike a bootstrap it keeps its coverage where few pairs
+    differ: with none of n its ends are +-z^2 / (n + z^2). Undefined without tasks.
+    """
+    _check_confidence(confidence)
+    x, y = _column(ours), _column(theirs)
+    if x.shape != y.shape:
+        raise ValueError(f"pairs need equal lengths, got {len(x)} and {len(y)}")
+    if not (np.isin(x, (0.0, 1.0)).all() and np.isin(y, (0.0, 1.0)).all()):
+        raise ValueError("rates are of samples that are 0 or 1")
+    n, b, c = len(x), int((x > y).sum()), int((y > x).sum())
+    if n == 0:
+        return UNDEFINED
+    z_squared = NormalDist().inv_cdf(0.5 + 0.5 * confidence) ** 2
+    # The lower end is the upper one of theirs - ours.
+    return Interval((b - c) / n, -_tango_upper(c, b, n, z_squared), _tango_upper(b, c, n, z_squared))
+
+
+def _tango_upper(b: int, c: int, n: int, z_squared: float) -> float:
+    """The greatest difference that the score test does not reject, by bisection."""
+    low, high = (b - c) / n, 1.0
+    for _ in range(60):
+        d = 0.5 * (low + high)
+        # The positive root of 2 n q^2 + half q + end = 0.
+        half, end = -b - c + (2 * n - b + c) * d, -c * d * (1.0 - d)
+        q = (math.sqrt(half**2 - 8.0 * n * end) - half) / (4.0 * n)
+        if (b - c - n * d) ** 2 <= z_squared * n * (2.0 * q + d * (1.0 - d)):
+            low = d
+        else:
+            high = d
+    return low
 
 
 def interquartile_mean(scores: ArrayLike) -> float:

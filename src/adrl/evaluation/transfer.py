@@ -36,8 +36,8 @@ class Side:
 def transfer_document(sides: Mapping[str, Side], fit: Calibration) -> dict[str, Any]:
     """The JSON document: each simulator's summary, the fit, and each one's gap to Gazebo.
 
-    sides: native, calibrated and gazebo. A gap is Gazebo's less the other's, on the same tasks, with a paired bootstrap
-    interval; times and distances on the tasks that both solved. time_percent: the gap in time, of the other's.
+    sides: native, calibrated and gazebo. A gap is Gazebo's less the other's, on the same tasks, with a paired interval
+    (compare_paired); times and distances on the tasks that both solved. time_percent: the gap in time, of the other's.
     """
     gazebo = sides["gazebo"]
     document: dict[str, Any] = {"schema_version": SCHEMA_VERSION}

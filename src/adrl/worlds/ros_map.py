@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.errors import MapError
+from adrl.errors import MapError, MissingExtra
 from adrl.types import Array, OccupancyGrid, World
 
 MODES = ("trinary", "scale", "raw")
@@ -34,7 +34,8 @@ class MapHeader:
 def load_map(path: str | os.PathLike[str]) -> World:
     """The world of a map: its solid cells and nothing else; bounds are those of the image.
 
-    Occupied and unknown cells are solid. Raises MapError, which names the file and says what to do.
+    Occupied and unknown cells are solid. Raises MapError, which names the file and says what to do; MissingExtra
+    without pyyaml or pillow.
     """
     grid = load_grid(path)
     height, width = grid.solid.shape
@@ -97,8 +98,10 @@ def occupancy(probability: Array, opaque: NDArray[np.bool_], header: MapHeader) 
 
 def read_header(path: Path) -> MapHeader:
     """The checked content of a map's YAML file. Raises MapError."""
-    import yaml
-
+    try:
+        import yaml
+    except ModuleNotFoundError as error:
+        raise MissingExtra.of(error) from None
     try:
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
@@ -172,7 +175,10 @@ def _read_image(header: MapHeader) -> tuple[Array, NDArray[np.bool_]]:
     p = (255 - v) / 255, or v / 255 with negate; v is the mean of the channels. As in map_server, alpha counts
     as one of them in trinary mode and in no other. raw keeps v / 255 whatever negate says (Nav2).
     """
-    from PIL import Image
+    try:
+        from PIL import Image
+    except ModuleNotFoundError as error:
+        raise MissingExtra.of(error) from None
 
     try:
         with Image.open(header.image, formats=("PPM", "PNG", "BMP", "TIFF", "JPEG")) as image:

@@ -18,6 +18,9 @@ HEIGHT_M = 1.0
 WALL_M = 0.01
 """Thickness given to walls, which have none: a plane is endless in Gazebo's physics."""
 
+OBSTACLE, UNDERCARRIAGE = 1, 2
+"""Bits of collide_as. Wheels and casters carry the robot; what it hits is its footprint's affair."""
+
 
 def save_sdf(path: str | os.PathLike[str], world: World) -> None:
     """Write the world as a file that Gazebo 11 and load_sdf read, with ground and light. Raises OSError.
@@ -176,7 +179,16 @@ def model(
             part.append(geometry)
             if kind == "visual":
                 _paint(part, 0.75, 0.45, 0.2)
+            else:
+                collide_as(part, OBSTACLE)
     return whole
+
+
+def collide_as(collision: Element, bits: int) -> None:
+    """Two bodies collide when they have a bit in common; one that says nothing has all."""
+    surface = collision.find("surface")
+    surface = SubElement(collision, "surface") if surface is None else surface
+    SubElement(SubElement(surface, "contact"), "collide_bitmask").text = str(bits)
 
 
 def _ground() -> Element:

@@ -4,9 +4,12 @@ import math
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element, SubElement
 
+import numpy as np
+
 from adrl.errors import ConfigError
 from adrl.types import RobotConfig
-from adrl.worlds.sdf_write import add
+from adrl.worlds.robots import ROBOTS
+from adrl.worlds.sdf_write import UNDERCARRIAGE, add, collide_as
 
 GROUND_GAP_M = 0.02
 """Between the ground and the body, which would touch it when it pitches."""
@@ -42,9 +45,12 @@ AREA_DENSITY_KGPM2 = 40.0
 
 
 def body_of(robot: RobotConfig) -> Body:
-    """The known body, or one of the size of the footprint."""
-    if robot.name in BODIES:
-        return BODIES[robot.name]
+    """The body that is known of a shipped robot's name and footprint, else one of the size of the footprint."""
+    shipped = ROBOTS.get(robot.name)
+    if shipped is not None and (shipped.radius_m, shipped.footprint_m) == (robot.radius_m, robot.footprint_m):
+        known = BODIES.get(robot.name)
+        if known is not None:
+            return known
     inner, length, width = _extents(robot)
     area = math.pi * inner**2 if robot.radius_m is not None else length * width
     return Body(
@@ -61,7 +67,10 @@ def _extents(robot: RobotConfig) -> tuple[float, float, float]:
         return robot.radius_m, 2.0 * robot.radius_m, 2.0 * robot.radius_m
     corners = robot.polygon
     length, width = corners.max(axis=0) - corners.min(axis=0)
-    inner = min(*map(float, corners.max(axis=0)), *map(float, -corners.min(axis=0)))
+    # Counter-clockwise: the origin is so far to the left of each edge.
+    sides = np.roll(corners, -1, axis=0) - corners
+    left = corners[:, 0] * sides[:, 1] - corners[:, 1] * sides[:, 0]
+    inner = float((left / np.hypot(sides[:, 0], sides[:, 1])).min())
     if inner <= 0.0:
         raise ConfigError(
             f"robot {robot.name!r}: the origin is not inside the footprint; a Gazebo model has its wheels there"
@@ -82,12 +91,17 @@ def robot_model(robot: RobotConfig, name: str, pose: tuple[float, float, float])
     """The <model> of a robot that stands at the pose x, y, yaw on the ground.
 
     The collision `footprint` is the footprint of the config, so contact is what it is in our simulator. Raises
-    ConfigError for what Gazebo cannot show: dropouts of single beams.
+    ConfigError for what Gazebo cannot show: dropouts of single beams, and odometry that drifts otherwise than by slip.
     """
     if robot.lidar.dropout_probability > 0.0:
         raise ConfigError(
             f"robot {robot.name!r}: lidar.dropout_probability is {robot.lidar.dropout_probability}; "
             "Gazebo's ray sensor has no dropouts, give 0"
+        )
+    if robot.odometry_drift > 0.0:
+        raise ConfigError(
+            f"robot {robot.name!r}: odometry_drift is {robot.odometry_drift}; "
+            "in Gazebo odometry errs by the slip of the wheels, give 0"
         )
     body = body_of(robot)
     inner, length, width = _extents(robot)
@@ -106,6 +120,7 @@ def robot_model(robot: RobotConfig, name: str, pose: tuple[float, float, float])
         add(part, "pose", sign * (inner - caster), 0.0, caster + lift, 0.0, 0.0, 0.0)
         add(SubElement(SubElement(part, "geometry"), "sphere"), "radius", caster)
         _friction(part, 0.0)
+        collide_as(part, UNDERCARRIAGE)
     _lidar(base, robot, body.height_m + LIDAR_ABOVE_M)
     for side, sign in (("left", 1.0), ("right", -1.0)):
         _wheel(model, side, sign * 0.5 * body.wheel_separation_m, body.wheel_radius_m, wheel_kg)
@@ -151,10 +166,12 @@ def _wheel(model: Element, side: str, y: float, radius: float, mass_kg: float) -
     link = SubElement(model, "link", name=f"{side}_wheel")
     add(link, "pose", 0.0, y, radius, 0.0, 0.0, 0.0)
     _inertial(link, mass_kg, (1.7 * radius, 0.5 * radius, 1.7 * radius))
-    # A sphere touches the ground in one point: the track is exact, and a turn scrubs no edges.
+    # A sphere touches the ground in one point: the track is exact, and a turn scrubs no edges. It is wider than the
+    # wheel, and collides with the ground alone.
     part = SubElement(link, "collision", name="tyre")
     add(SubElement(SubElement(part, "geometry"), "sphere"), "radius", radius)
     _friction(part, 1.0)
+    collide_as(part, UNDERCARRIAGE)
     visual = SubElement(link, "visual", name="tyre")
     add(visual, "pose", 0.0, 0.0, 0.0, 0.5 * math.pi, 0.0, 0.0)
     shape = SubElement(SubElement(visual, "geometry"), "cylinder")

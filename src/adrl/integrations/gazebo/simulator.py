@@ -128,7 +128,8 @@ class Gazebo:
     def reset(self, indices: NDArray[np.intp], tasks: Sequence[Task], b: Mapping[str, NDArray[Any]]) -> None:
         """Put the robots `indices` at the starts of their tasks, in the tasks' worlds, and sense into b.
 
-        b: NavSim's arrays, of which seed is read, pose, odometry, twist and ranges are written.
+        b: NavSim's arrays, of which seed is read, pose, odometry, twist and ranges are written. Gazebo has
+        one source of noise for all robots: with more than one, a reset of one changes what the others will draw.
         """
         for i, task in zip(indices, tasks, strict=True):
             if self._standing[i] is not task.world:
@@ -241,5 +242,6 @@ def _plugin(robot: RobotConfig, num_envs: int, steps: int) -> Element:
     add(plugin, "yaw_rate", robot.max_yaw_rate_radps)
     add(plugin, "acceleration", robot.max_acceleration_mps2)
     add(plugin, "yaw_acceleration", robot.max_yaw_acceleration_radps2)
+    add(plugin, "lag", robot.lag_s)
     add(plugin, "latency", robot.latency_s)
     return plugin

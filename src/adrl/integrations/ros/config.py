@@ -75,8 +75,10 @@ class DriveConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class SimConfig(Place):
-    """Our simulator as a robot: it publishes what a robot does, and drives as it is told."""
+    """A simulated robot: it publishes what a robot does, and drives as it is told."""
 
+    simulator: Literal["native", "gazebo"] = "native"
+    """What moves and senses the robot: our simulator, or Gazebo (scripts/gazebo-chroot sets it up)."""
     task: int = 0
     """Number of the test task whose world and start it has."""
     robot: str = "diffbot"
@@ -100,6 +102,8 @@ class SimConfig(Place):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if self.simulator not in ("native", "gazebo"):  # a parameter of the node may be any text
+            raise ConfigError(f"simulator is {self.simulator!r}; give native or gazebo")
         if not 0.0 <= self.speed <= 1000.0:
             raise ConfigError(f"speed is {self.speed}; give 0 to 1000")
 

@@ -1,11 +1,15 @@
-"""Our simulator as one robot: scans and odometry of its own frame, a base with a watchdog, a count of collisions."""
+"""A simulator as one robot: scans and odometry of its own frame, a base with a watchdog, a count of collisions."""
 
+import contextlib
 import dataclasses
+from collections.abc import Iterator
 
 import numpy as np
 
 from adrl.deploy import Odometry, Pose, Twist
 from adrl.envs import NavSim
+from adrl.envs.nav_sim import Body
+from adrl.integrations.gazebo import Gazebo
 from adrl.integrations.ros.config import SimConfig
 from adrl.poses import compose, inverse
 from adrl.types import Array, RobotConfig, Task
@@ -20,24 +24,28 @@ NOWHERE = (1e6, 1e6)
 class SimulatedRobot:
     """Starts where its task does. After a collision it is put back there."""
 
-    def __init__(self, task: Task, robot: RobotConfig, seed: int = 0) -> None:
+    def __init__(self, task: Task, robot: RobotConfig, seed: int = 0, body: Body | None = None) -> None:
+        """body: moves and senses the robot instead of our simulator."""
         path = np.array([task.start[:2], NOWHERE])
         self.robot = robot
         self.collisions = 0
         self.steps = 0
         """Control periods since the beginning."""
         self._task = dataclasses.replace(task, goal=NOWHERE, path=path, time_limit_s=1e12)
-        self._sim = NavSim(1, robot)
+        self._sim = NavSim(1, robot, body=body)
         self._seed = seed
         self._unheard = 0
         self._restart()
 
     @classmethod
-    def of(cls, config: SimConfig) -> "SimulatedRobot":
-        """Raises AdrlError."""
+    @contextlib.contextmanager
+    def of(cls, config: SimConfig) -> Iterator["SimulatedRobot"]:
+        """For as long as the context lasts, as a Gazebo has to be ended. Raises AdrlError."""
         robot = load_robot(config.robot)
         task = task_set(config.load(), robot, "test", 1, first=config.task)[0]
-        return cls(task, robot, config.seed)
+        in_gazebo = config.simulator == "gazebo"
+        with Gazebo(robot, seed=config.seed) if in_gazebo else contextlib.nullcontext() as body:
+            yield cls(task, robot, config.seed, body)
 
     @property
     def time_s(self) -> float:
@@ -73,7 +81,10 @@ class SimulatedRobot:
         self._unheard += 1
         if self._unheard > WATCHDOG_PERIODS:
             self._sim.b["command"][0] = 0.0
-        self._sim.native.step()
+        if self._sim.body is None:
+            self._sim.native.step()
+        else:
+            self._sim.body.step(self._sim.b)
         self.steps += 1
         if self._sim.b["collided"][0]:
             self.collisions += 1

@@ -39,16 +39,17 @@ class SimTopics:
     def __init__(
         self,
         config: SimConfig,
+        robot: SimulatedRobot,
         publish: Mapping[str, Publish],
         header: Callable[[float, str], Any],
         new: New = new_message,
     ) -> None:
-        """publish: of the publications. header: of a stamp and a frame. new: makes messages. Raises AdrlError."""
+        """robot: of the config. publish: of the publications. header: of a stamp and a frame. new: makes messages."""
         self._config = config
         self._publish = publish
         self._header = header
         self._new = new
-        self._robot = SimulatedRobot.of(config)
+        self._robot = robot
         self._free = config.speed == 0.0
         self._advanced_s = time.monotonic()
         self._count()

@@ -1,9 +1,10 @@
-"""adrl ros1 sim: our simulator as a robot on the topics of one."""
+"""adrl ros1 sim: a simulated robot on the topics of one."""
 
 import time
 from collections.abc import Sequence
 
 from adrl.integrations.ros.config import SimConfig
+from adrl.integrations.ros.robot import SimulatedRobot
 from adrl.integrations.ros.sim import LATCHED, NAME, PUBLICATIONS, SimTopics, subscription
 from adrl.integrations.ros1 import node as ros
 
@@ -15,12 +16,13 @@ def sim(config: SimConfig, ros_arguments: Sequence[str]) -> None:
         topic: ros.publisher(rospy, topic, kind, latched=topic in LATCHED)
         for topic, kind in PUBLICATIONS.items()
     }
-    topics = SimTopics(config, publish, ros.header)
-    alone = ros.Alone()
-    ros.subscribe(rospy, "cmd_vel", subscription(config), alone(topics.take_command))
-    tick, due_s = alone(topics.tick), time.monotonic()
-    while not rospy.is_shutdown():
-        # Real time: the simulated one is what this node publishes.
-        due_s = max(due_s + topics.tick_s, time.monotonic())
-        time.sleep(due_s - time.monotonic() if due_s > time.monotonic() else 0.0)
-        tick()
+    with SimulatedRobot.of(config) as robot:
+        topics = SimTopics(config, robot, publish, ros.header)
+        alone = ros.Alone()
+        ros.subscribe(rospy, "cmd_vel", subscription(config), alone(topics.take_command))
+        tick, due_s = alone(topics.tick), time.monotonic()
+        while not rospy.is_shutdown():
+            # Real time: the simulated one is what this node publishes.
+            due_s = max(due_s + topics.tick_s, time.monotonic())
+            time.sleep(due_s - time.monotonic() if due_s > time.monotonic() else 0.0)
+            tick()

@@ -3,7 +3,7 @@
 import logging
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from typing import Any
 
 from adrl.errors import MissingExtra
@@ -107,14 +107,13 @@ def steady_clock() -> Any:
 def spin(node: Any, until: Callable[[], bool] = lambda: False) -> None:
     """Until SIGINT or SIGTERM, or until that is so."""
 
-    def stop(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    signal.signal(signal.SIGTERM, stop)
+    told: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # Noted and not raised: within rclpy's bindings an exception comes out as another one.
+        signal.signal(number, lambda number, _: told.append(number))
     executor = EventsExecutor()
     executor.add_node(node)
-    with suppress(KeyboardInterrupt):
-        while not until():
-            # spin(), which waits without an end, calls nothing and keeps a core busy with the wheels of 2025-11.
-            executor.spin_once(timeout_sec=WAIT_S)
+    while not told and not until():
+        # spin(), which waits without an end, calls nothing and keeps a core busy with the wheels of 2025-11.
+        executor.spin_once(timeout_sec=WAIT_S)
     executor.remove_node(node)

@@ -1,8 +1,9 @@
-"""adrl ros2 sim: our simulator as a robot on the topics of one."""
+"""adrl ros2 sim: a simulated robot on the topics of one."""
 
 from collections.abc import Sequence
 
 from adrl.integrations.ros.config import SimConfig
+from adrl.integrations.ros.robot import SimulatedRobot
 from adrl.integrations.ros.sim import LATCHED, NAME, PUBLICATIONS, SimTopics, subscription
 from adrl.integrations.ros2 import node as ros
 
@@ -15,7 +16,8 @@ def sim(config: SimConfig, ros_arguments: Sequence[str]) -> None:
             topic: ros.publisher(node, topic, kind, latched=topic in LATCHED)
             for topic, kind in PUBLICATIONS.items()
         }
-        topics = SimTopics(config, publish, ros.header)
-        ros.subscribe(node, "cmd_vel", subscription(config), topics.take_command, ros.RELIABLE)
-        node.create_timer(topics.tick_s, topics.tick, clock=ros.steady_clock())
-        ros.spin(node)
+        with SimulatedRobot.of(config) as robot:
+            topics = SimTopics(config, robot, publish, ros.header)
+            ros.subscribe(node, "cmd_vel", subscription(config), topics.take_command, ros.RELIABLE)
+            node.create_timer(topics.tick_s, topics.tick, clock=ros.steady_clock())
+            ros.spin(node)

@@ -11,7 +11,7 @@
 //       phase, stop_s. The text, an SDF document with one <world>, holds the models that the slot lacks: of stock_...
 //       boxes and cylinders are taken and kept for the worlds to come, as are discs; others are for this one.
 //   'R' u32 slot, u32 seed, f64 x, y, yaw
-//       Robot `slot` stands at the pose, at rest. Seeds Gazebo's noise.
+//       Robot `slot` stands at the pose, at rest. Seeds Gazebo's noise, of which all robots draw in turn.
 //   'S' N x (f64 speed, yaw rate), N x u8 active
 //       One control period. Robots that are not active get the command to stand, and sense nothing.
 // State: N x (11 f64, K f32): x, y, yaw; odometry x, y, yaw; speed, yaw rate, from the wheels; metres driven and
@@ -19,7 +19,7 @@
 //
 // <plugin>: port, robots (N), steps (of physics in a control period), radius and separation of the wheels, torque, reach
 //   (range below which a robot may touch something in the next period), speed (2: least, greatest), yaw_rate,
-//   acceleration, yaw_acceleration, latency. Robot i is the model robot_<i> with joints
+//   acceleration, yaw_acceleration, lag, latency. Robot i is the model robot_<i> with joints
 //   left and right, a collision "footprint" and a ray sensor "lidar".
 #include <algorithm>
 #include <array>
@@ -61,8 +61,9 @@ struct Robot {
     bool contact = false, active = false;
 };
 
-double towards(double value, double goal, double largest_change) {
-    return value + std::clamp(goal - value, -largest_change, largest_change);
+// A first-order lag within the acceleration limit, as advance_twist in core/kinematics.cpp.
+double approach(double value, double goal, double response, double largest_change) {
+    return value + std::clamp(response * (goal - value), -largest_change, largest_change);
 }
 
 namespace physics = gazebo::physics;
@@ -86,6 +87,8 @@ class Lockstep : public gazebo::WorldPlugin {
         acceleration_ = sdf->Get<double>("acceleration");
         yaw_acceleration_ = sdf->Get<double>("yaw_acceleration");
         dt_s_ = world->Physics()->GetMaxStepSize();
+        const double lag_s = sdf->Get<double>("lag");
+        response_ = lag_s > 0.0 ? -std::expm1(-dt_s_ / lag_s) : 1.0;
         delay_ = static_cast<std::size_t>(std::lround(sdf->Get<double>("latency") / dt_s_));
         world->Physics()->SetRealTimeUpdateRate(0.0); // as fast as it can
         line_.connect(sdf->Get<int>("port"));
@@ -117,15 +120,15 @@ class Lockstep : public gazebo::WorldPlugin {
         return true;
     }
 
-    // Before a step of physics: the base follows its command within its acceleration limits.
+    // Before a step of physics: the base follows its command with its lag, within its acceleration limits.
     void drive() {
         if (!ready_) return;
         for (Robot &robot : robots_) {
             robot.commands.push_front(robot.wanted);
             robot.commands.pop_back();
             const Twist due = robot.commands.back();
-            robot.target.v = towards(robot.target.v, due.v, acceleration_ * dt_s_);
-            robot.target.w = towards(robot.target.w, due.w, yaw_acceleration_ * dt_s_);
+            robot.target.v = approach(robot.target.v, due.v, response_, acceleration_ * dt_s_);
+            robot.target.w = approach(robot.target.w, due.w, response_, yaw_acceleration_ * dt_s_);
             const double side = 0.5 * separation_ * robot.target.w;
             robot.left->SetParam("vel", 0, (robot.target.v - side) / radius_);
             robot.right->SetParam("vel", 0, (robot.target.v + side) / radius_);
@@ -344,6 +347,7 @@ class Lockstep : public gazebo::WorldPlugin {
     std::size_t delay_ = 0;
     double dt_s_ = 0.004, radius_ = 0.0, separation_ = 0.0, torque_ = 0.0, reach_ = 0.0;
     double min_speed_ = 0.0, max_speed_ = 0.0, max_yaw_rate_ = 0.0, acceleration_ = 0.0, yaw_acceleration_ = 0.0;
+    double response_ = 1.0;
     bool ready_ = false;
 };
 
