@@ -116,7 +116,7 @@ class MaturityState(NamedTuple):
     statistic: float | None = None
     """Q(t), the last value measured (eq 2); None before the first."""
     lowest: float | None = None
-    """The first statistic, of a critic that knows nothing of the actor yet. Literal eq 13: the least so far, Q_min."""
+    """The first statistic, of a critic that has just begun to learn. Literal eq 13: the least so far, Q_min."""
     highest: float | None = None
     """Q_max of the literal eq 13."""
 
@@ -187,7 +187,7 @@ def update(
         highest = statistic if state.highest is None else max(state.highest, statistic)
         measured = measured_maturity(statistic, Bounds(lowest, highest))
         return MaturityState(measured, measured, updates, statistic, lowest, highest)
-    # A critic that knows nothing promises more than chance earns: that is no maturity yet.
+    # A critic that has hardly learnt promises more than chance earns: that is no maturity yet.
     cold = statistic if state.lowest is None else state.lowest
     bounds = Bounds(max(bounds.low, cold), bounds.high)
     if updates <= config.warmup_updates:
