@@ -20,7 +20,7 @@ from adrl.commands.options import (
 from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
 from adrl.deploy.setup import training_worlds
 from adrl.errors import ConfigError
-from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, warning, world_table
+from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, require_v_max, warning, world_table
 from adrl.evaluation.results import write_table
 from adrl.types import RobotConfig
 from adrl.worlds import ROBOTS, BarnScenario, robot_from_fields
@@ -35,7 +35,7 @@ class BarnOptions:
     """Which policy drives in which of the benchmark's worlds."""
 
     worlds: Path
-    """Folder of world_N.world and path_N.npy; these in folders worlds and paths too."""
+    """Folder of world_N.world and path_N.npy; or of folders worlds and paths, or world_files and path_files."""
     policy: str
     """astar-dwa (knows the map), or a run folder of a policy for the Jackal."""
     v_max: float | None = None
@@ -113,6 +113,7 @@ def _driver(options: BarnOptions) -> tuple[str | MlpPolicy, RobotConfig, float]:
     """The policy at v_max, its robot, which must have the Jackal's body, and v_max. Raises AdrlError."""
     if options.policy == api.PLANNER:
         v_max = JACKAL.max_speed_mps if options.v_max is None else options.v_max
+        require_v_max(v_max, JACKAL)
         return options.policy, dataclasses.replace(JACKAL, max_speed_mps=v_max), v_max
     policy = load_policy(resolve_policy(options.policy))
     robot = robot_from_fields(policy.config.robot)

@@ -50,19 +50,24 @@ def scores(success: ArrayLike, time_s: ArrayLike, optimal_time_s: ArrayLike) -> 
     return np.asarray(success) * optimal / np.clip(time_s, 2.0 * optimal, 8.0 * optimal)
 
 
+def require_v_max(v_max_mps: float, robot: RobotConfig) -> None:
+    """Raises ConfigError for a limit that the robot's own makes void, or that stops it."""
+    if not 0.0 < v_max_mps <= robot.max_speed_mps:
+        raise ConfigError(
+            f"v_max is {v_max_mps} m/s; give more than 0 and at most the {robot.max_speed_mps} m/s of robot "
+            f"{robot.name!r}"
+        )
+
+
 class SpeedLimited(MlpPolicy):
     """A policy whose speed commands are cut off at v_max; it sees how fast it drives, so this is nothing new to it.
 
-    robot: the one it drives. Raises ConfigError for a limit that the robot's own makes void, or that stops it.
+    robot: the one it was trained with. Raises ConfigError: see require_v_max.
     """
 
     def __init__(self, policy: MlpPolicy, robot: RobotConfig, v_max_mps: float) -> None:
         super().__init__(policy.layers, policy.config)
-        if not 0.0 < v_max_mps <= robot.max_speed_mps:
-            raise ConfigError(
-                f"v_max is {v_max_mps} m/s; give more than 0 and at most the {robot.max_speed_mps} m/s that the policy "
-                "was trained with"
-            )
+        require_v_max(v_max_mps, robot)
         span_mps = robot.max_speed_mps - robot.min_speed_mps
         self._most = np.float32(2.0 * (v_max_mps - robot.min_speed_mps) / span_mps - 1.0)
 
