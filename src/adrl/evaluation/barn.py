@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from adrl.deploy.policy import MlpPolicy
 from adrl.errors import ConfigError
 from adrl.evaluation.metrics import Episodes
+from adrl.evaluation.results import plain_table
 from adrl.evaluation.statistics import bootstrap_mean
 from adrl.types import RobotConfig
 
@@ -173,7 +174,7 @@ HEADINGS = (
 
 def world_table(summary: Mapping[str, Any]) -> "Table":
     """A rich table, one row a world."""
-    table = _table(
+    table = plain_table(
         f"{summary['policy']}, guidance {summary['guidance']}, v_max {summary['v_max_mps']:g} m/s, "
         f"trials a world: {summary['trials']}"
     )
@@ -198,7 +199,7 @@ def reference_table(summary: Mapping[str, Any]) -> "Table":
     """A rich table: ours with intervals, in worlds that training never saw and in those that it had, and the published
     rows.
     """
-    table = _table(f"trials a world: {summary['trials']}; intervals over worlds")
+    table = plain_table(f"trials a world: {summary['trials']}; intervals over worlds")
     table.add_column("policy")
     for heading in ("v_max\nm/s", "success\n%", "score\n"):
         table.add_column(heading, justify="right")
@@ -234,16 +235,6 @@ def warning(summary: Mapping[str, Any]) -> str | None:
     if summary["unseen"] is None:
         return f"Not a held-out score: {policy} was trained on every one of these worlds."
     return f"{policy} was trained on {mine['worlds']} of these {count} worlds; only the others' score is held out."
-
-
-def _table(title: str) -> "Table":
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    return Table(
-        title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False
-    )
 
 
 def _with_ends(summary: Mapping[str, Any], name: str, scale: float, decimals: int) -> str:
