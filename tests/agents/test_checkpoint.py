@@ -132,3 +132,12 @@ def test_another_configuration_is_named():
     with pytest.raises(CheckpointError, match=r"config\.td3\.gamma = 0\.99, this run has 0\.9"):
         checkpoint.require_same(Path("x"), saved, given)
     checkpoint.require_same(Path("x"), saved, given | {"td3": {"gamma": 0.99, "widths": (128, 128)}})
+
+
+def test_a_long_list_of_another_configuration_is_told_in_a_line():
+    worlds = [f"{number:016x}" for number in range(50)]
+    with pytest.raises(
+        CheckpointError, match=r"config\.worlds = .* and 47 more, this run has .* and 32 more"
+    ) as told:
+        checkpoint.require_same(Path("x"), {"worlds": worlds}, {"worlds": worlds[10:45]})
+    assert len(str(told.value)) < 300

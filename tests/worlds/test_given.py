@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from adrl.agents.checkpoint import require_same
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.deploy.setup import training_worlds
 from adrl.errors import CheckpointError
@@ -55,6 +56,13 @@ def test_a_run_knows_its_training_worlds_and_not_those_held_out(folder: Path) ->
     assert one is not None
     assert one < training_worlds(config_of(RunConfig(barn=folder)))  # type: ignore[operator]
     assert training_worlds(config_of(RunConfig(scenario="cellular"))) == set()
+
+
+def test_a_run_resumed_with_other_worlds_is_another_run(folder: Path) -> None:
+    """Or a run would have had worlds that its config.json does not name."""
+    first, second = (config_of(RunConfig(barn=folder, barn_held_out=n)).extra["environment"] for n in (1, 2))
+    with pytest.raises(CheckpointError, match="worlds"):
+        require_same(Path("checkpoint"), first, second)
 
 
 def test_fine_tuning_inherits_them(folder: Path, tmp_path: Path) -> None:
