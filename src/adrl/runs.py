@@ -19,11 +19,12 @@ from adrl.agents.config import TrainConfig
 from adrl.agents.interface import Validation
 from adrl.agents.methods import Method, method_config, method_name
 from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy, resolve_policy
+from adrl.deploy.setup import training_worlds
 from adrl.envs import Body, NavVectorEnv
 from adrl.errors import ConfigError
 from adrl.evaluation.metrics import success_rate
 from adrl.evaluation.rollout import Rewards, rollout
-from adrl.imitation import Demonstrations, Source, collect, load_minari
+from adrl.imitation import Demonstrations, Source, collect, load_minari, recorded_worlds
 from adrl.imitation.probe import probe_steps, record_probe
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
@@ -31,6 +32,7 @@ from adrl.rewards.config import STANDING_AT_WORST
 from adrl.rewards.terms import reference_period_s
 from adrl.types import RobotConfig, Scenario
 from adrl.worlds import load_robot, task_set
+from adrl.worlds.given import training_fingerprints
 from adrl.worlds.place import Place
 
 if TYPE_CHECKING:
@@ -289,6 +291,7 @@ def about_policy(
                 "randomize": config.randomize and config.env == "native",
                 **({"simulator": config.env} if config.env != "native" else {}),
                 **({"fine_tune": str(config.fine_tune)} if config.fine_tune is not None else {}),
+                **_worlds(config, scenario),
                 "replanner": asdict(config.resolved_replanner()),
             },
             "run": out.name,
@@ -304,6 +307,21 @@ def about_policy(
             "settings": json.loads(json.dumps(run, default=str)),
         },
     )
+
+
+def _worlds(config: RunConfig, scenario: Scenario) -> dict[str, list[str] | None]:
+    """The entry that says which given worlds the policy has learned from, by fingerprint: None where a part of what it
+    learns from does not say. No entry for a run that has drawn ones alone.
+    """
+    sources: list[set[str] | None] = [training_fingerprints(scenario)]
+    if config.fine_tune is not None:
+        sources.append(training_worlds(load_policy(resolve_policy(config.fine_tune)).config))
+    if config.dataset is not None:
+        sources.append(recorded_worlds(config.dataset))
+    if sources == [set()]:
+        return {}
+    known = [worlds for worlds in sources if worlds is not None]
+    return {"worlds": sorted(set().union(*known)) if len(known) == len(sources) else None}
 
 
 def validation(

@@ -12,6 +12,7 @@ from numpy.testing import assert_array_equal
 
 from adrl.agents import checkpoint
 from adrl.errors import CheckpointError
+from damage import DAMAGES, damage_file
 
 
 class Killed(BaseException):
@@ -117,14 +118,10 @@ def test_a_half_deleted_old_one_is_not_mistaken_for_the_newest(tmp_path: Path):
 
 
 @pytest.mark.parametrize("name", ["a.safetensors", "b.safetensors", "state.json"])
-@pytest.mark.parametrize("damage", ["cut", "empty", "foreign", "missing"])
+@pytest.mark.parametrize("damage", DAMAGES)
 def test_damage_names_the_file(tmp_path: Path, name: str, damage: str):
     path = checkpoint.save(tmp_path, 10, *content(1.0)) / name
-    if damage == "missing":
-        path.unlink()
-    else:
-        data = path.read_bytes()
-        path.write_bytes({"cut": data[:-3], "empty": b"", "foreign": b"PK\x03\x04" + 99 * b"\xff"}[damage])
+    damage_file(path, damage)
     with pytest.raises(CheckpointError, match=name):
         checkpoint.load(tmp_path)
 
@@ -135,3 +132,12 @@ def test_another_configuration_is_named():
     with pytest.raises(CheckpointError, match=r"config\.td3\.gamma = 0\.99, this run has 0\.9"):
         checkpoint.require_same(Path("x"), saved, given)
     checkpoint.require_same(Path("x"), saved, given | {"td3": {"gamma": 0.99, "widths": (128, 128)}})
+
+
+def test_a_long_list_of_another_configuration_is_told_in_a_line():
+    worlds = [f"{number:016x}" for number in range(50)]
+    with pytest.raises(
+        CheckpointError, match=r"config\.worlds = .* and 47 more, this run has .* and 32 more"
+    ) as told:
+        checkpoint.require_same(Path("x"), {"worlds": worlds}, {"worlds": worlds[10:45]})
+    assert len(str(told.value)) < 300

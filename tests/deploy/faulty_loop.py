@@ -114,6 +114,11 @@ def outlasts(run: Loop, fault: range = FAULT) -> None:
     """Told to stand within two periods, standing after braking, unharmed; and at the goal when all is well again."""
     assert run.told_to_stand(range(fault.start + PERIODS, fault.stop))
     assert run.standing(range(fault.start + PERIODS + braking_periods(run.robot), fault.stop))
+    arrives(run)
+
+
+def arrives(run: Loop) -> None:
+    """Unharmed, and at the goal in the end."""
     run.run(400)
     assert not run.hit.any()
     assert run.arrived.all()

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy
 from adrl.errors import CheckpointError
 from adrl.types import Policy
+from damage import DAMAGES, damage_file
 
 CONFIG = PolicyConfig(
     input_size=7,
@@ -79,15 +80,11 @@ def test_deployment_needs_no_jax():
 
 
 @pytest.mark.parametrize("name", ["policy.safetensors", "config.json"])
-@pytest.mark.parametrize("damage", ["cut", "empty", "foreign", "missing"])
+@pytest.mark.parametrize("damage", DAMAGES)
 def test_damage_names_the_file(policy: MlpPolicy, tmp_path: Path, name: str, damage: str):
     policy.save(tmp_path)
     path = tmp_path / name
-    if damage == "missing":
-        path.unlink()
-    else:
-        data = path.read_bytes()
-        path.write_bytes({"cut": data[:-5], "empty": b"", "foreign": b"PK\x03\x04" + 99 * b"\xff"}[damage])
+    damage_file(path, damage)
     with pytest.raises(CheckpointError, match=name):
         load_policy(tmp_path)
 

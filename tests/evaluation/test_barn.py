@@ -5,6 +5,7 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -15,10 +16,11 @@ from rich.console import Console
 
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import ConfigError
-from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, scores, world_table
+from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, scores, warning, world_table
 from adrl.evaluation.metrics import Episodes
-from adrl.observation import to_twist
-from adrl.worlds import ROBOTS
+from adrl.observation import ObservationEncoder, to_twist
+from adrl.runs import RunConfig, about_policy
+from adrl.worlds import ROBOTS, BarnScenario
 from adrl.worlds.barn import BarnWorld, benchmark_path, field_world
 from small_run import finished_run, run_cli
 
@@ -56,7 +58,7 @@ def test_rows_are_means_over_trials_and_intervals_over_worlds(
 ) -> None:
     worlds = [a_world(3, [(15, 0), (15, 29)]), a_world(8, [(5, 0), (25, 29)]), a_world(40, [(9, 0)])]
     episodes = make_episodes(12, seed=4)
-    runs = BarnRuns(worlds=worlds, episodes=episodes)
+    runs = BarnRuns(worlds=worlds, episodes=episodes, trained_on=np.zeros(3, dtype=bool))
     assert runs.trials == 4
     summary = runs.summary()
     for i, row in enumerate(summary["per_world"]):
@@ -74,25 +76,64 @@ def test_rows_are_means_over_trials_and_intervals_over_worlds(
     assert table["world"].to_pylist() == [3, 8, 40] * 4
     assert table["trial"].to_pylist() == [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3]
     # More trials of the same worlds, all alike, leave the interval over worlds as it is.
-    twice = BarnRuns(worlds=worlds, episodes=episodes.select(np.tile(np.arange(12), 2))).summary()
+    twice = dataclasses.replace(runs, episodes=episodes.select(np.tile(np.arange(12), 2))).summary()
     assert twice["score_low"] == pytest.approx(summary["score_low"])
 
 
+def test_worlds_of_training_are_marked_and_scored_apart(make_episodes: Callable[..., Episodes]) -> None:
+    worlds = [a_world(number, [(15, 0)]) for number in (3, 8, 40)]
+    episodes, seen = make_episodes(12, seed=4), np.array([False, True, False])
+    runs = BarnRuns(worlds=worlds, episodes=episodes, trained_on=seen)
+    summary = runs.summary()
+    rows = summary["per_world"]
+    assert [row["trained_on"] for row in rows] == seen.tolist()
+    assert runs.to_table()["trained_on"].to_pylist() == seen.tolist() * 4
+    for name in ("success", "score"):
+        assert summary["unseen"][name] == pytest.approx(0.5 * (rows[0][name] + rows[2][name]))
+        assert summary["trained_on"][name] == pytest.approx(rows[1][name])
+    assert (summary["unseen"]["worlds"], summary["trained_on"]["worlds"], summary["worlds"]) == (2, 1, 3)
+    for mask, part in ((np.zeros(3, dtype=bool), "unseen"), (np.ones(3, dtype=bool), "trained_on")):
+        alone = dataclasses.replace(runs, trained_on=mask).summary()
+        assert alone[part]["score_low"] == alone["score_low"]
+        assert alone["unseen" if part == "trained_on" else "trained_on"] is None
+
+
+def test_a_score_that_is_not_held_out_comes_with_a_warning(make_episodes: Callable[..., Episodes]) -> None:
+    worlds = [a_world(number, [(15, 0)]) for number in (3, 8, 40)]
+
+    def told(*trained_on: bool, known: bool = True) -> str | None:
+        runs = BarnRuns(worlds=worlds, episodes=make_episodes(6), trained_on=np.array(trained_on))
+        about = {"policy": "mine", "guidance": "goal", "v_max_mps": 2.0, "trained_on_known": known}
+        console = Console(width=80, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
+        console.print(reference_table(about | runs.summary()))
+        text = console.export_text()
+        assert ("never trained on" in text) == (not all(trained_on))
+        assert ("TRAINED ON" in text) == any(trained_on)
+        return warning(about | runs.summary())
+
+    assert told(False, False, False) is None
+    assert "trained on 1 of these 3 worlds; only the others'" in str(told(False, True, False))
+    assert "Not a held-out score: mine was trained on every one" in str(told(True, True, True))
+    assert "Not a held-out score: the run of mine does not say" in str(told(True, True, True, known=False))
+
+
 def test_one_world_has_no_interval(make_episodes: Callable[..., Episodes]) -> None:
-    summary = BarnRuns(worlds=[a_world(1, [(9, 0)])], episodes=make_episodes(4)).summary()
+    seen = np.zeros(1, dtype=bool)
+    summary = BarnRuns(worlds=[a_world(1, [(9, 0)])], episodes=make_episodes(4), trained_on=seen).summary()
     assert summary["score_low"] is None
     assert summary["score_high"] is None
 
 
 def test_tables_name_every_world_the_speed_and_the_references(make_episodes: Callable[..., Episodes]) -> None:
     worlds = [a_world(7, [(9, 0)]), a_world(191, [(12, 3)])]
-    runs = BarnRuns(worlds=worlds, episodes=make_episodes(6, success_probability=0.0))
-    summary = {"policy": "mine", "v_max_mps": 1.5} | runs.summary()
+    episodes = make_episodes(6, success_probability=0.0)
+    runs = BarnRuns(worlds=worlds, episodes=episodes, trained_on=np.zeros(2, dtype=bool))
+    summary = {"policy": "mine", "guidance": "replan", "v_max_mps": 1.5} | runs.summary()
     console = Console(width=80, record=True, file=open("/dev/null", "w"))  # noqa: SIM115
     console.print(world_table(summary))
     console.print(reference_table(summary))
     text = console.export_text()
-    for word in ("mine", "v_max 1.5 m/s", "191", "0.489", "0.372", "0.159", "65.0"):
+    for word in ("mine", "guidance replan", "v_max 1.5 m/s", "191", "0.489", "0.372", "0.159", "65.0"):
         assert word in text
 
 
@@ -135,16 +176,59 @@ def test_the_command_writes_what_it_prints(two_worlds: Path, capsys: pytest.Capt
     assert summary == json.loads((out / "summary.json").read_text())
     assert summary["v_max_mps"] == 0.5
     assert (summary["worlds"], summary["trials"], summary["episodes"]) == (2, 2, 4)
-    assert [row["world"] for row in summary["per_world"]] == [18, 67]
+    assert [(row["world"], row["trained_on"]) for row in summary["per_world"]] == [(18, False), (67, False)]
+    assert summary["held_out"] == 0
     table = pq.read_table(out / "episodes.parquet")
     assert table["score"].to_numpy().mean() == pytest.approx(summary["score"])
     # Success comes after 9 m and a little more: 18 s at 0.5 m/s, where 11 m at 2 m/s are 5.5 s.
     assert 0.27 < summary["score"] < 5.8 / 18.0
 
 
+def run_folder_of(config: RunConfig, out: Path) -> Path:
+    """What training with this configuration would leave, its weights zero."""
+    about = about_policy(config, JACKAL, config.load(), out)
+    size = ObservationEncoder(JACKAL, config.encoder).size
+    layers = [(np.zeros((a, b), np.float32), np.zeros(b, np.float32)) for a, b in ((size, 1), (1, 2))]
+    MlpPolicy(layers, dataclasses.replace(about, input_size=size, widths=(1,))).save(out)
+    return out
+
+
+def scored(worlds: Path, run: Path, *more: object) -> dict[str, Any]:
+    arguments = ("barn", "--worlds", worlds, "--policy", run, "--trials", 1, "--json", worlds / "s.json")
+    assert run_cli(*arguments, *more) == 0
+    return json.loads((worlds / "s.json").read_text())
+
+
+@pytest.mark.integration
+def test_the_command_tells_worlds_of_training_wherever_they_lie(
+    two_worlds: Path, tmp_path_factory: pytest.TempPathFactory, capsys: pytest.CaptureFixture[str]
+) -> None:
+    base = tmp_path_factory.mktemp("runs")
+    half = run_folder_of(RunConfig(barn=two_worlds, barn_held_out=1), base / "half")
+    (left_out,) = BarnScenario(two_worlds, 1).split("test")
+    moved = base / "elsewhere"
+    moved.mkdir()
+    for number in (18, 67):
+        shutil.copy(two_worlds / f"world_{number}.world", moved / f"world_{number + 1}.world")
+        shutil.copy(two_worlds / f"path_{number}.npy", moved / f"path_{number + 1}.npy")
+    summary = scored(moved, half)
+    assert {row["world"]: row["trained_on"] for row in summary["per_world"]} == {
+        number + 1: number != left_out.number for number in (18, 67)
+    }
+    assert "trained on 1 of these 2 worlds" in capsys.readouterr().err
+    held_out = scored(two_worlds, half, "--held-out", 1)
+    assert (held_out["held_out"], held_out["unseen"]["worlds"], held_out["trained_on"]) == (1, 1, None)
+    assert "held-out score" not in capsys.readouterr().err
+    every = scored(moved, run_folder_of(RunConfig(barn=two_worlds), base / "all"))
+    assert every["unseen"] is None
+    assert "Not a held-out score" in capsys.readouterr().err
+
+
 @pytest.mark.integration
 def test_only_the_jackal_is_scored(two_worlds: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     diffbot = finished_run(tmp_path_factory)
     assert run_cli("barn", "--worlds", two_worlds, "--policy", diffbot) == 2
+    assert run_cli("barn", "--worlds", two_worlds, "--policy", "default") == 2
     assert run_cli("barn", "--worlds", two_worlds, "--policy", "astar-dwa", "--trials", 0) == 2
+    assert run_cli("barn", "--worlds", two_worlds, "--policy", "astar-dwa", "--v-max", 2.5) == 2
     assert run_cli("barn", "--worlds", two_worlds / "nothing", "--policy", "astar-dwa") == 2

@@ -177,7 +177,33 @@ def test_paths_are_found_beside_and_one_level_up(folder: Path, tmp_path: Path) -
         assert len(load_barn(tmp_path if worlds == "worlds" else place)) == 1
 
 
-@pytest.mark.parametrize("content", ["missing", "text", "flat", "nan", "empty"])
+def test_any_number_of_zeros_and_the_benchmarks_own_folders(folder: Path, tmp_path: Path) -> None:
+    world = next(folder.glob("*.world"))
+    number = number_of(world)
+    for name in ("world_files", "path_files"):
+        (tmp_path / name).mkdir()
+    shutil.copy(world, tmp_path / "world_files" / f"world_{number:04d}.world")
+    shutil.copy(folder / f"path_{number}.npy", tmp_path / "path_files" / f"path_{number:03d}.npy")
+    (tmp_path / "world_files" / "world_old.world").write_text("no world of the benchmark")
+    assert [world.number for world in load_barn(tmp_path)] == [number]
+    shutil.copy(world, tmp_path / "world_files")
+    with pytest.raises(WorldError, match="one number"):
+        load_barn(tmp_path)
+
+
+def test_a_damaged_path_is_a_world_error_whatever_is_damaged(folder: Path, tmp_path: Path) -> None:
+    world = next(folder.glob("*.world"))
+    shutil.copy(world, tmp_path)
+    whole = (folder / f"path_{number_of(world)}.npy").read_bytes()
+    file = tmp_path / f"path_{number_of(world)}.npy"
+    header_open = whole.replace(b"}", b"(", 1)
+    for damaged in (header_open, whole[:40], whole[:-3], b"PK\x03\x04 no archive", b""):
+        file.write_bytes(damaged)
+        with pytest.raises(WorldError, match=file.name):
+            load_barn(tmp_path)
+
+
+@pytest.mark.parametrize("content", ["missing", "text", "flat", "nan", "empty", "metres"])
 def test_a_bad_path_is_named(folder: Path, tmp_path: Path, content: str) -> None:
     world = next(folder.glob("*.world"))
     shutil.copy(world, tmp_path)
@@ -186,6 +212,7 @@ def test_a_bad_path_is_named(folder: Path, tmp_path: Path, content: str) -> None
         file.write_text("not numpy")
     elif content != "missing":
         arrays = {"flat": np.arange(4), "nan": np.array([(np.nan, 1.0)]), "empty": np.empty((0, 2))}
+        arrays["metres"] = np.array([(-2.0, 5.0)])
         np.save(file, arrays[content])
     with pytest.raises(WorldError, match=file.name):
         load_barn(tmp_path)

@@ -99,7 +99,15 @@ def require_same(path: Path, saved: Any, given: Any, name: str = "config") -> No
         return
     plain = list(given) if isinstance(given, tuple) else given
     if saved != plain:
-        raise CheckpointError(f"{path}: was written with {name} = {saved!r}, this run has {plain!r}")
+        told, ours = _shown(saved), _shown(plain)
+        raise CheckpointError(f"{path}: was written with {name} = {told}, this run has {ours}")
+
+
+def _shown(value: Any) -> str:
+    """A value in an error; of a long list its beginning and its length."""
+    if isinstance(value, list) and len(value) > 6:
+        return f"{[*value[:3]]!r} and {len(value) - 3} more"
+    return repr(value)
 
 
 def _read_state(path: Path) -> dict[str, Any]:

@@ -6,15 +6,26 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+import numpy as np
+
 from adrl import api, files
-from adrl.commands.options import console, parse, progress_bar, require_file, require_folder
+from adrl.commands.options import (
+    console,
+    counting_bar,
+    parse,
+    require_file,
+    require_folder,
+    write_document,
+)
 from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
+from adrl.deploy.setup import training_worlds
 from adrl.errors import ConfigError
-from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, world_table
+from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, require_v_max, warning, world_table
 from adrl.evaluation.results import write_table
 from adrl.types import RobotConfig
 from adrl.worlds import ROBOTS, BarnScenario, robot_from_fields
 from adrl.worlds.barn import TIME_LIMIT_S
+from adrl.worlds.given import fingerprint
 
 JACKAL = ROBOTS["jackal"]
 
@@ -24,14 +35,15 @@ class BarnOptions:
     """Which policy drives in which of the benchmark's worlds."""
 
     worlds: Path
-    """Folder of world_N.world and path_N.npy; these in folders worlds and paths too."""
+    """Folder of world_N.world and path_N.npy; or of folders worlds and paths, or world_files and path_files."""
     policy: str
     """astar-dwa (knows the map), or a run folder of a policy for the Jackal."""
     v_max: float | None = None
     """Greatest speed, m/s: faster commands of a policy are cut off here, and astar-dwa plans with it. That of the
     robot when left out."""
     held_out: int = 0
-    """Drive only so many of the worlds, those that training with the same --barn-held-out leaves out; 0 for all."""
+    """Drive only so many of the worlds, those that training with the same --barn and --barn-held-out leaves out; 0 for
+    all. Worlds that the policy was trained on are told by what stands in them, and marked, whatever is given here."""
     guidance: Literal["goal", "replan", "map"] | None = None
     """goal: the policy sees the final goal; replan: the same, and waypoints of its own map when blocked; map:
     a waypoint on the A* path of the known map, which the benchmark does not give. As trained when left out."""
@@ -65,15 +77,13 @@ def main(arguments: Sequence[str]) -> int:
     policy, robot, v_max_mps = _driver(options)
     scenario = BarnScenario(options.worlds, options.held_out)
     worlds = scenario.split("test")
+    seen = training_worlds(policy.config) if isinstance(policy, MlpPolicy) else set()
+    trained_on = [seen is None or fingerprint(world.world) in seen for world in worlds]
     # The benchmark's time limit, not that of training.
     tasks = [
         dataclasses.replace(scenario.task_in(world, robot), time_limit_s=TIME_LIMIT_S) for world in worlds
     ]
-    with progress_bar(f"driving {options.policy}") as (bar, task):
-
-        def show(ended: int, total: int) -> None:
-            bar.update(task, completed=ended / total, note=f"{ended} of {total} runs")
-
+    with counting_bar(f"driving {options.policy}", "runs") as show:
         result = api.evaluate(
             policy,
             scenario=scenario,
@@ -84,18 +94,18 @@ def main(arguments: Sequence[str]) -> int:
             tasks=tasks * options.trials,
             on_step=show,
         )
-    runs = BarnRuns(worlds=worlds, episodes=result.rollout.episodes)
-    summary = result.summary | {"v_max_mps": v_max_mps} | runs.summary()
+    runs = BarnRuns(worlds=worlds, episodes=result.rollout.episodes, trained_on=np.array(trained_on))
+    about = {"v_max_mps": v_max_mps, "held_out": options.held_out, "trained_on_known": seen is not None}
+    summary = result.summary | about | runs.summary()
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
         write_table(options.out / "episodes.parquet", runs.to_table())
         files.write_json(options.out / "summary.json", summary)
-    if options.json is not None and str(options.json) != "-":
-        files.write_json(options.json, summary)
-    elif options.json is not None:
-        print(files.to_json(summary))
+    write_document(options.json, summary)
     console().print(world_table(summary))
     console().print(reference_table(summary))
+    if (line := warning(summary)) is not None:
+        console().print(line, style="bold", markup=False, highlight=False)
     return 0
 
 
@@ -103,6 +113,7 @@ def _driver(options: BarnOptions) -> tuple[str | MlpPolicy, RobotConfig, float]:
     """The policy at v_max, its robot, which must have the Jackal's body, and v_max. Raises AdrlError."""
     if options.policy == api.PLANNER:
         v_max = JACKAL.max_speed_mps if options.v_max is None else options.v_max
+        require_v_max(v_max, JACKAL)
         return options.policy, dataclasses.replace(JACKAL, max_speed_mps=v_max), v_max
     policy = load_policy(resolve_policy(options.policy))
     robot = robot_from_fields(policy.config.robot)

@@ -5,8 +5,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from adrl import api, files
-from adrl.commands.options import console, parse, progress_bar, require_file, require_folder
+from adrl import api
+from adrl.commands.options import (
+    console,
+    counting_bar,
+    parse,
+    require_file,
+    require_folder,
+    write_document,
+)
 from adrl.errors import ConfigError
 from adrl.evaluation.results import comparison_table
 from adrl.types import Task
@@ -57,11 +64,7 @@ def main(arguments: Sequence[str]) -> int:
     )
     require_folder("--out", options.out)
     require_file("--json", options.json)
-    with progress_bar(f"evaluating {options.policy}") as (bar, task):
-
-        def show(ended: int, total: int) -> None:
-            bar.update(task, completed=ended / total, note=f"{ended} of {total} episodes")
-
+    with counting_bar(f"evaluating {options.policy}", "episodes") as show:
         result = api.evaluate(
             options.policy,
             scenario=options.load(),
@@ -78,10 +81,7 @@ def main(arguments: Sequence[str]) -> int:
             bag_tasks=options.bag_tasks or None,
             on_step=show,
         )
-    if options.json is not None and str(options.json) != "-":
-        files.write_json(options.json, result.summary)
-    elif options.json is not None:
-        print(files.to_json(result.summary))
+    write_document(options.json, result.summary)
     console().print(comparison_table([result.summary]))
     return 0
 

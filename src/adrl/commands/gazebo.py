@@ -11,11 +11,13 @@ from adrl import api, files
 from adrl.commands.options import (
     Runner,
     console,
+    counting_bar,
     parse,
     progress_bar,
     require_file,
     require_folder,
     subcommand,
+    write_document,
 )
 from adrl.errors import ConfigError
 from adrl.evaluation.calibration import calibrate
@@ -118,7 +120,7 @@ def _evaluate(arguments: Sequence[str]) -> int:
     )
     if options.drives is not None:
         side.drives.save(options.drives)
-    _write(options.json, side.document())
+    write_document(options.json, side.document())
     console().print(comparison_table([side.summary]))
     return 0
 
@@ -156,7 +158,7 @@ def _transfer(arguments: Sequence[str]) -> int:
         files.write_json(options.out / "transfer.json", document)
         for name, side in sides.items():
             side.drives.save(options.out / name / "drives.csv")
-    _write(options.json, document)
+    write_document(options.json, document)
     console().print(transfer_table(document))
     return 0
 
@@ -216,11 +218,7 @@ def _drive(
     """One simulator's part, with a bar."""
     place, recorder = options.load(), DriveRecorder()
     tasks = None if tasks_of is None else task_set(place, tasks_of, options.split, options.episodes)
-    with progress_bar(f"{options.policy}, {name}") as (bar, item):
-
-        def show(ended: int, total: int) -> None:
-            bar.update(item, completed=ended / total, note=f"{ended} of {total} episodes")
-
+    with counting_bar(f"{options.policy}, {name}", "episodes") as show:
         result = api.evaluate(
             options.policy,
             scenario=place,
@@ -241,13 +239,6 @@ def _drive(
         episodes=result.rollout.episodes,
         drives=recorder.drives(),
     )
-
-
-def _write(path: Path | None, document: dict[str, Any]) -> None:
-    if path is not None and str(path) != "-":
-        files.write_json(path, document)
-    elif path is not None:
-        print(files.to_json(document))
 
 
 WHAT: dict[str, tuple[str, Runner]] = {

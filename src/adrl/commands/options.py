@@ -9,6 +9,7 @@ import tyro
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from adrl import files
 from adrl.errors import ConfigError, UnknownName
 
 Options = TypeVar("Options")
@@ -64,6 +65,16 @@ def require_file(option: str, path: Path | None) -> None:
     require_folder(option, path.absolute().parent)
 
 
+def write_document(path: Path | None, document: Mapping[str, Any]) -> None:
+    """What option --json asks for: the file, or standard output for -, or nothing."""
+    if path is None:
+        return
+    if str(path) == "-":
+        print(files.to_json(document))
+    else:
+        files.write_json(path, document)
+
+
 def console() -> Console:
     """Where tables and bars go: standard error keeps standard output clean for data."""
     return Console(stderr=True)
@@ -82,3 +93,14 @@ def progress_bar(description: str) -> Iterator[tuple[Progress, Any]]:
     )
     with Progress(*columns, console=console()) as bar:
         yield bar, bar.add_task(description, total=1.0, note="")
+
+
+@contextmanager
+def counting_bar(description: str, things: str) -> Iterator[Callable[[int, int], None]]:
+    """A live bar; the function to call with how many of the things have ended, of how many."""
+    with progress_bar(description) as (bar, task):
+
+        def show(ended: int, total: int) -> None:
+            bar.update(task, completed=ended / total, note=f"{ended} of {total} {things}")
+
+        yield show

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import tyro
 
 from adrl import api
-from adrl.commands.options import console, parse, progress_bar, require_file
+from adrl.commands.options import console, counting_bar, parse, require_file
 from adrl.deploy.policy import CONFIG_FILE, WEIGHTS_FILE
 from adrl.errors import ConfigError
 from adrl.report.html import plotly_script, write_report
@@ -64,9 +64,5 @@ def _evaluate(run: Path, episodes: int) -> None:
     """On test tasks of the place where the policy was trained."""
     config: dict[str, Any] = read_json(run / CONFIG_FILE)
     place = Place.of(config.get("settings", {}))
-    with progress_bar(f"evaluating {run}") as (bar, task):
-
-        def show(ended: int, total: int) -> None:
-            bar.update(task, completed=ended / total, note=f"{ended} of {total} episodes")
-
+    with counting_bar(f"evaluating {run}", "episodes") as show:
         api.evaluate(run, scenario=place.load(), episodes=episodes, out=run / "evaluation", on_step=show)

@@ -15,7 +15,7 @@ from adrl.comparison.jobs import EPISODES_FILE, RESULT_FILE
 from adrl.errors import CheckpointError
 from adrl.evaluation.learning_time import median_seconds_to_level, seconds_to_level
 from adrl.evaluation.metrics import COMMON, means_on_common_tasks
-from adrl.evaluation.results import read_table
+from adrl.evaluation.results import plain_table, read_table
 from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
 from adrl.report.metrics_log import read_metrics
 
@@ -222,20 +222,9 @@ def markdown(rows: Sequence[Row], title: str, missing: Sequence[str] = ()) -> st
 
 def rich_table(rows: Sequence[Row], title: str) -> "Table":
     """The table for a terminal: each estimate above its interval. Fits 80 columns."""
-    from rich import box
-    from rich.table import Table
     from rich.text import Text
 
-    table = Table(
-        title=Text(title),
-        title_justify="left",
-        caption=Text(CAPTION),
-        caption_justify="left",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        padding=0,
-        pad_edge=False,
-    )
+    table = plain_table(title, CAPTION, padding=0)
     table.add_column("method", overflow="fold", min_width=10)
     for column in _COLUMNS:
         table.add_column(column.heading.replace(" ", "\n"), justify="right", no_wrap=True)

@@ -1,12 +1,15 @@
 """The robot, encoder and replanner that a policy was trained with, from its config.json."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
-from adrl.deploy.policy import MlpPolicy
+from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import CheckpointError
 from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import RobotConfig
+from adrl.worlds.given import GIVEN
 from adrl.worlds.robots import robot_from_fields
 
 
@@ -25,7 +28,7 @@ def setup_of(policy: MlpPolicy) -> Setup:
     config = policy.config
     name = str(config.extra.get("run", "policy"))
     robot = robot_from_fields(config.robot)
-    environment = config.extra.get("environment", {})
+    environment = _mapping(config, "environment")
     try:
         encoder = EncoderConfig(**config.encoder)
         replanner = ReplannerConfig(**environment.get("replanner", {}))
@@ -40,3 +43,31 @@ def setup_of(policy: MlpPolicy) -> Setup:
             f"{config.input_size}; restore the file"
         )
     return Setup(robot=robot, encoder=encoder, replanner=replanner)
+
+
+def training_worlds(config: PolicyConfig) -> set[str] | None:
+    """Fingerprints of the given worlds that a policy was trained in, its demonstrations' and those of the policy it
+    began with included; None where its run does not say.
+
+    Raises CheckpointError for a list that is none.
+    """
+    environment, settings = _mapping(config, "environment"), _mapping(config, "settings")
+    if "worlds" not in environment:
+        # A run writes no entry where it has nothing to say, and runs of before never did.
+        scenario = str(config.extra.get("scenario", GIVEN[0]))
+        drawn = not scenario.startswith(GIVEN)
+        return set() if drawn and not environment.get("fine_tune") and not settings.get("dataset") else None
+    worlds = environment["worlds"]
+    if worlds is None or (isinstance(worlds, list) and all(isinstance(world, str) for world in worlds)):
+        return None if worlds is None else set(worlds)
+    raise CheckpointError(
+        f"environment.worlds in config.json is {worlds!r}, no list of names; restore the file"
+    )
+
+
+def _mapping(config: PolicyConfig, name: str) -> Mapping[str, Any]:
+    """An entry of config.json that holds others. Raises CheckpointError."""
+    entry = config.extra.get(name, {})
+    if not isinstance(entry, Mapping):
+        raise CheckpointError(f"{name} in config.json is {entry!r}, no table of settings; restore the file")
+    return entry

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from adrl.deploy.policy import MlpPolicy
 from adrl.errors import ConfigError
 from adrl.evaluation.metrics import Episodes
-from adrl.evaluation.statistics import Interval, bootstrap_mean
+from adrl.evaluation.results import plain_table
+from adrl.evaluation.statistics import bootstrap_mean
 from adrl.types import RobotConfig
 
 if TYPE_CHECKING:
@@ -50,19 +51,24 @@ def scores(success: ArrayLike, time_s: ArrayLike, optimal_time_s: ArrayLike) -> 
     return np.asarray(success) * optimal / np.clip(time_s, 2.0 * optimal, 8.0 * optimal)
 
 
+def require_v_max(v_max_mps: float, robot: RobotConfig) -> None:
+    """Raises ConfigError for a limit that the robot's own makes void, or that stops it."""
+    if not 0.0 < v_max_mps <= robot.max_speed_mps:
+        raise ConfigError(
+            f"v_max is {v_max_mps} m/s; give more than 0 and at most the {robot.max_speed_mps} m/s of robot "
+            f"{robot.name!r}"
+        )
+
+
 class SpeedLimited(MlpPolicy):
     """A policy whose speed commands are cut off at v_max; it sees how fast it drives, so this is nothing new to it.
 
-    robot: the one it drives. Raises ConfigError for a limit that the robot's own makes void, or that stops it.
+    robot: the one it was trained with. Raises ConfigError: see require_v_max.
     """
 
     def __init__(self, policy: MlpPolicy, robot: RobotConfig, v_max_mps: float) -> None:
         super().__init__(policy.layers, policy.config)
-        if not 0.0 < v_max_mps <= robot.max_speed_mps:
-            raise ConfigError(
-                f"v_max is {v_max_mps} m/s; give more than 0 and at most the {robot.max_speed_mps} m/s that the policy "
-                "was trained with"
-            )
+        require_v_max(v_max_mps, robot)
         span_mps = robot.max_speed_mps - robot.min_speed_mps
         self._most = np.float32(2.0 * (v_max_mps - robot.min_speed_mps) / span_mps - 1.0)
 
@@ -79,6 +85,8 @@ class BarnRuns:
 
     worlds: Sequence["BarnWorld"]
     episodes: Episodes
+    trained_on: NDArray[np.bool_]
+    """(W,) whether the policy was trained in the world."""
 
     @property
     def trials(self) -> int:
@@ -99,10 +107,6 @@ class BarnRuns:
         """(E,) -> (W,) means over the trials of each world."""
         return np.asarray(values, dtype=np.float64).reshape(self.trials, len(self.worlds)).mean(axis=0)
 
-    def interval(self, values: ArrayLike) -> Interval:
-        """Mean of (E,) with a bootstrap interval over worlds: trials in one world are alike."""
-        return bootstrap_mean(self.by_world(values))
-
     def rows(self) -> list[dict[str, Any]]:
         """One row a world."""
         episodes = self.episodes
@@ -111,30 +115,42 @@ class BarnRuns:
         arrived = self.by_world(episodes.success * episodes.time_s)
         rows = []
         for i, world in enumerate(self.worlds):
-            row = {"world": world.number, "path_m": world.path_m, "optimal_time_s": world.optimal_time_s}
+            row = {"world": world.number, "trained_on": bool(self.trained_on[i])}
+            row |= {"path_m": world.path_m, "optimal_time_s": world.optimal_time_s}
             row |= {name: float(mean[i]) for name, mean in means.items()}
             share = means["success"][i]
             rows.append(row | {"time_s": float(arrived[i] / share) if share > 0.0 else None})
         return rows
 
     def summary(self) -> dict[str, Any]:
-        """Success, endings and score of all worlds, each with _low and _high, and the rows."""
-        entries: dict[str, Any] = {"worlds": len(self.worlds), "trials": self.trials}
-        columns = {name: getattr(self.episodes, name) for name in ("success", "collision", "timeout")}
-        for name, values in (columns | {"score": self.scores}).items():
-            estimate, low, high = self.interval(values)
-            ends = (low, high) if len(self.worlds) > 1 else (None, None)
-            entries |= {name: estimate, f"{name}_low": ends[0], f"{name}_high": ends[1]}
+        """Success, endings and score of all worlds, each with _low and _high, the rows, and the same apart for the
+        worlds that training never saw and for those that it had; None where there is no such world.
+        """
+        entries = {"trials": self.trials} | self._estimates(np.ones(len(self.worlds), dtype=bool))
+        for part, chosen in (("unseen", ~self.trained_on), ("trained_on", self.trained_on)):
+            entries[part] = self._estimates(chosen) if chosen.any() else None
         return entries | {"per_world": self.rows()}
 
+    def _estimates(self, chosen: NDArray[np.bool_]) -> dict[str, Any]:
+        """Over the chosen worlds (W,), with bootstrap intervals over worlds: trials in one world are alike."""
+        count = int(chosen.sum())
+        entries: dict[str, Any] = {"worlds": count}
+        columns = {name: getattr(self.episodes, name) for name in ("success", "collision", "timeout")}
+        for name, values in (columns | {"score": self.scores}).items():
+            estimate, low, high = bootstrap_mean(self.by_world(values)[chosen])
+            ends = (low, high) if count > 1 else (None, None)
+            entries |= {name: estimate, f"{name}_low": ends[0], f"{name}_high": ends[1]}
+        return entries
+
     def to_table(self) -> "pa.Table":
-        """The episodes' table with the columns world, trial, optimal_time_s and score."""
+        """The episodes' table with the columns world, trial, trained_on, optimal_time_s and score."""
         import pyarrow as pa
 
         table, count = self.episodes.to_table(), len(self.worlds)
         columns = {
             "world": np.tile([world.number for world in self.worlds], self.trials),
             "trial": np.repeat(np.arange(self.trials), count),
+            "trained_on": np.tile(self.trained_on, self.trials),
             "optimal_time_s": self.optimal_time_s,
             "score": self.scores,
         }
@@ -143,27 +159,33 @@ class BarnRuns:
         return table
 
 
+HEADINGS = (
+    "world",
+    "trained\non",
+    "path\nm",
+    "OT\ns",
+    "success\n%",
+    "collision\n%",
+    "timeout\n%",
+    "Av.T\ns",
+    "score\n",
+)
+
+
 def world_table(summary: Mapping[str, Any]) -> "Table":
     """A rich table, one row a world."""
-    table = _table(
-        f"{summary['policy']}, v_max {summary['v_max_mps']:g} m/s, {summary['trials']} trials a world"
+    table = plain_table(
+        f"{summary['policy']}, guidance {summary['guidance']}, v_max {summary['v_max_mps']:g} m/s, "
+        f"trials a world: {summary['trials']}"
     )
-    for heading in (
-        "world",
-        "path\nm",
-        "OT\ns",
-        "success\n%",
-        "collision\n%",
-        "timeout\n%",
-        "Av.T\ns",
-        "score\n",
-    ):
+    for heading in HEADINGS:
         table.add_column(heading, justify="right")
     for row in summary["per_world"]:
         rates = (f"{100 * row[name]:.0f}" for name in ("success", "collision", "timeout"))
         time_s = "-" if row["time_s"] is None else f"{row['time_s']:.1f}"
         table.add_row(
             str(row["world"]),
+            "yes" if row["trained_on"] else "no",
             f"{row['path_m']:.2f}",
             f"{row['optimal_time_s']:.2f}",
             *rates,
@@ -174,13 +196,22 @@ def world_table(summary: Mapping[str, Any]) -> "Table":
 
 
 def reference_table(summary: Mapping[str, Any]) -> "Table":
-    """A rich table: our row with its intervals, and the published ones."""
-    table = _table(f"{summary['worlds']} worlds x {summary['trials']} trials; intervals over worlds")
+    """A rich table: ours with intervals, in worlds that training never saw and in those that it had, and the published
+    rows.
+    """
+    table = plain_table(f"trials a world: {summary['trials']}; intervals over worlds")
     table.add_column("policy")
     for heading in ("v_max\nm/s", "success\n%", "score\n"):
         table.add_column(heading, justify="right")
-    success, score = (_with_ends(summary, *column) for column in (("success", 100.0, 1), ("score", 1.0, 3)))
-    table.add_row(str(summary["policy"]), f"{summary['v_max_mps']:g}", success, score)
+    for part, text in (("unseen", "worlds never trained on"), ("trained_on", "worlds TRAINED ON")):
+        mine = summary[part]
+        if mine is not None:
+            success, score = (
+                _with_ends(mine, *column) for column in (("success", 100.0, 1), ("score", 1.0, 3))
+            )
+            table.add_row(
+                f"{summary['policy']}\n{mine['worlds']} {text}", f"{summary['v_max_mps']:g}", success, score
+            )
     for row in REFERENCES:
         table.add_row(
             row.policy,
@@ -192,14 +223,18 @@ def reference_table(summary: Mapping[str, Any]) -> "Table":
     return table
 
 
-def _table(title: str) -> "Table":
-    from rich import box
-    from rich.table import Table
-    from rich.text import Text
-
-    return Table(
-        title=Text(title), title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, pad_edge=False
-    )
+def warning(summary: Mapping[str, Any]) -> str | None:
+    """A line for a score that is not of worlds that training never saw; None for one that is."""
+    policy, mine, count = summary["policy"], summary["trained_on"], summary["worlds"]
+    if mine is None:
+        return None
+    if not summary["trained_on_known"]:
+        return (
+            f"Not a held-out score: the run of {policy} does not say which worlds it had; all count as seen."
+        )
+    if summary["unseen"] is None:
+        return f"Not a held-out score: {policy} was trained on every one of these worlds."
+    return f"{policy} was trained on {mine['worlds']} of these {count} worlds; only the others' score is held out."
 
 
 def _with_ends(summary: Mapping[str, Any], name: str, scale: float, decimals: int) -> str:

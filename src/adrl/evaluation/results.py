@@ -154,22 +154,12 @@ def comparison_table(summaries: Sequence[Mapping[str, Any]]) -> "Table":
 
     What all summaries share stands in the title; what differs stands below the policy's name.
     """
-    from rich import box
-    from rich.table import Table
     from rich.text import Text
 
     shared = [key for key in _CONTEXT if len({summary[key] for summary in summaries}) == 1]
     title = ", ".join(f"{key} {summaries[0][key]}" for key in shared)
-    table = Table(
-        title=Text(title),
-        title_justify="left",
-        caption=Text("below each estimate its 95 % interval; Av.D, Av.T and optimality over successes"),
-        caption_justify="left",
-        box=box.SIMPLE_HEAD,
-        show_edge=False,
-        padding=0,
-        pad_edge=False,
-    )
+    caption = "below each estimate its 95 % interval; Av.D, Av.T and optimality over successes"
+    table = plain_table(title, caption, padding=0)
     table.add_column("policy\n", overflow="fold", min_width=9)
     for column in _COLUMNS:
         table.add_column(column.heading, justify="right", no_wrap=True)
@@ -179,6 +169,24 @@ def comparison_table(summaries: Sequence[Mapping[str, Any]]) -> "Table":
         label.append("".join(f"\n{line}" for line in differing), style="dim")
         table.add_row(label, *(_cell(summary, column) for column in _COLUMNS))
     return table
+
+
+def plain_table(title: str, caption: str = "", padding: int | tuple[int, int] = (0, 1)) -> "Table":
+    """An empty rich table with a rule below its headings and nothing about it."""
+    from rich import box
+    from rich.table import Table
+    from rich.text import Text
+
+    return Table(
+        title=Text(title),
+        title_justify="left",
+        caption=Text(caption) if caption else None,
+        caption_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        padding=padding,
+        pad_edge=False,
+    )
 
 
 def _cell(summary: Mapping[str, Any], column: _Column) -> Any:

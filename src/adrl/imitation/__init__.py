@@ -3,7 +3,7 @@
 from adrl.imitation.bag_demonstrations import BagSummary, read_demonstrations
 from adrl.imitation.bag_recording import BagTopics
 from adrl.imitation.demonstrations import Demonstrations, NoiseConfig, collect
-from adrl.imitation.minari_dataset import Source, load_minari, save_minari
+from adrl.imitation.minari_dataset import Source, load_minari, recorded_worlds, save_minari
 
 __all__ = [
     "BagSummary",
@@ -14,5 +14,6 @@ __all__ = [
     "collect",
     "load_minari",
     "read_demonstrations",
+    "recorded_worlds",
     "save_minari",
 ]

@@ -21,6 +21,7 @@ from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.registration import ENV_ID
 from adrl.rewards import FEATURES, REWARD_TERMS, RewardConfig, reward
 from adrl.types import RobotConfig
+from adrl.worlds.given import training_fingerprints
 
 if TYPE_CHECKING:
     from adrl.envs import NavVectorEnv
@@ -44,6 +45,8 @@ class Source:
     scenario: str
     demonstrator: str = "A*+DWA with noise"
     """Who drove."""
+    worlds: tuple[str, ...] | None = None
+    """Fingerprints of the given worlds it was recorded in, see adrl.worlds.given; None where no one knows."""
     extra: Mapping[str, Any] = field(default_factory=dict)
     """Anything else worth keeping, as JSON takes it: seed, noise, split, ..."""
 
@@ -56,6 +59,7 @@ class Source:
             encoder=sim.encoder.config,
             guidance=sim.guidance,
             scenario=env.scenario.name,
+            worlds=tuple(sorted(training_fingerprints(env.scenario))),
             extra=extra,
         )
 
@@ -117,6 +121,19 @@ def load_minari(path: PathLike, expected: Source | None = None) -> Demonstration
         raise DatasetError(f"{path}: {error}") from None
     except Exception as error:  # What a damaged file makes Minari and h5py raise is not documented.
         raise DatasetError(f"{path}: truncated, or not a Minari dataset ({error})") from error
+
+
+def recorded_worlds(path: PathLike) -> set[str] | None:
+    """Fingerprints of the given worlds a dataset was recorded in; None where it does not say. Raises DatasetError."""
+    from minari.dataset.minari_storage import MinariStorage
+
+    folder = _data_folder(Path(path))
+    try:
+        description = json.loads(MinariStorage.read_raw_metadata(folder).get(DESCRIPTION_KEY, "null"))
+        worlds = (description or {}).get("worlds")
+        return None if worlds is None else set(worlds)
+    except (OSError, ValueError, TypeError, AttributeError) as error:
+        raise DatasetError(f"{path}: its metadata cannot be read ({error}); collect it again") from None
 
 
 def _write(data: Demonstrations, root: Path, name: str, source: Source) -> None:

@@ -7,7 +7,6 @@ walled left and right and open at its end; the goal lies in the open beyond it.
 import dataclasses
 import math
 import os
-import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -38,6 +37,7 @@ TIME_LIMIT_S = 100.0
 """After which the benchmark stops a run."""
 OPTIMAL_SPEED_MPS = 2.0
 """Speed at which the benchmark's path is driven in the optimal time."""
+WORLD_FOLDERS = ("worlds", "world_files")
 PATH_FOLDERS = ("paths", "path_files")
 
 
@@ -65,43 +65,60 @@ class BarnWorld:
 def load_barn(folder: str | os.PathLike[str]) -> list[BarnWorld]:
     """The worlds of a folder in the order of their numbers.
 
-    world_N.world stand in it or in its subfolder worlds; path_N.npy beside them or in a folder paths or path_files
-    there or one level up. Raises WorldError, which names what is missing or malformed.
+    world_N.world stand in it or in its subfolder worlds or world_files; path_N.npy beside them or in a folder paths or
+    path_files there or one level up. N may have leading zeros. Raises WorldError, which names what is missing or
+    malformed.
     """
     folder = Path(folder)
-    place = folder / "worlds" if (folder / "worlds").is_dir() else folder
-    found = {int(match[1]): path for path in place.glob("world_*.world") if (match := _NAME.match(path.name))}
-    if not found:
+    place = next((folder / name for name in WORLD_FOLDERS if (folder / name).is_dir()), folder)
+    worlds = _numbered([place], "world", ".world")
+    if not worlds:
         raise WorldError(f"folder {folder} holds no world_N.world; give the folder of the benchmark's worlds")
     places = [place, *(parent / name for parent in (place, place.parent) for name in PATH_FOLDERS)]
-    return [_load(number, found[number], places) for number in sorted(found)]
-
-
-_NAME = re.compile(r"world_(\d+)\.world$")
-
-
-def _load(number: int, file: Path, places: list[Path]) -> BarnWorld:
-    name = f"path_{number}.npy"
-    path = next((place / name for place in places if (place / name).is_file()), None)
-    if path is None:
+    paths = _numbered(places, "path", ".npy")
+    for number in sorted(worlds.keys() - paths.keys()):
         looked = ", ".join(str(place) for place in places)
-        raise WorldError(f"world {file} has no {name}, which its score needs; looked in {looked}")
-    return BarnWorld(
-        number=number,
-        world=dataclasses.replace(load_sdf(file), bounds=BOUNDS),
-        path=benchmark_path(_cells(path)),
-    )
+        raise WorldError(
+            f"world {worlds[number]} has no path_{number}.npy, which its score needs; looked in {looked}"
+        )
+    return [
+        BarnWorld(
+            number=number,
+            world=dataclasses.replace(load_sdf(worlds[number]), bounds=BOUNDS),
+            path=benchmark_path(_cells(paths[number])),
+        )
+        for number in sorted(worlds)
+    ]
+
+
+def _numbered(places: list[Path], stem: str, suffix: str) -> dict[int, Path]:
+    """Number -> file stem_N.suffix in the first place that has it. Raises WorldError for two of one number in it."""
+    found: dict[int, Path] = {}
+    for place in places:
+        here: dict[int, Path] = {}
+        for path in sorted(place.glob(f"{stem}_*{suffix}")):
+            digits = path.stem.removeprefix(f"{stem}_")
+            if not (digits.isascii() and digits.isdigit()):
+                continue
+            if int(digits) in here:
+                raise WorldError(f"{here[int(digits)]} and {path} have one number; keep one of them")
+            here[int(digits)] = path
+        found = here | found
+    return found
 
 
 def _cells(file: Path) -> Array:
     """(P, 2) column, row of the cells in a path file. Raises WorldError."""
     try:
         cells = np.load(file, allow_pickle=False)
-    except (OSError, ValueError, EOFError) as error:
+    except Exception as error:  # What a damaged header or archive makes numpy raise is not documented.
         raise WorldError(f"path {file} cannot be read: {error}; give the benchmark's path_N.npy") from None
     fits = isinstance(cells, np.ndarray) and cells.ndim == 2 and cells.shape[1:] == (2,) and len(cells) > 0
-    if not fits or cells.dtype.kind not in "iuf" or not np.isfinite(cells).all():
-        raise WorldError(f"path {file} is not an array (P, 2) of cells; give the benchmark's path_N.npy")
+    if not fits or cells.dtype.kind not in "iuf" or not ((cells >= 0) & (cells < FIELD_CELLS)).all():
+        raise WorldError(
+            f"path {file} is not an array (P, 2) of cells, columns and rows of 0 to {FIELD_CELLS - 1}; give the "
+            "benchmark's path_N.npy"
+        )
     return cells.astype(np.float64)
 
 
@@ -180,6 +197,11 @@ class BarnScenario:
         if split not in SPLITS:
             raise UnknownName("split", split, SPLITS)
         return self._parts[split != "train"] if self.held_out else self.worlds
+
+    @property
+    def training_worlds(self) -> list[World]:
+        """Those of split train."""
+        return [world.world for world in self.split("train")]
 
     @cached_property
     def _parts(self) -> tuple[list[BarnWorld], list[BarnWorld]]:

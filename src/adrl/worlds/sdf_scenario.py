@@ -3,6 +3,7 @@
 import os
 from pathlib import Path
 
+from adrl.types import World
 from adrl.worlds.fixed import FixedWorld
 from adrl.worlds.sdf import load_sdf
 
@@ -12,3 +13,8 @@ class SdfScenario(FixedWorld):
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         super().__init__(f"sdf:{Path(path).stem}", load_sdf(path))
+
+    @property
+    def training_worlds(self) -> list[World]:
+        """The one."""
+        return [self.world]
