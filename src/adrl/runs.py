@@ -218,7 +218,7 @@ def _train(
 def env_maker(
     config: RunConfig, learner: TrainConfig, scenario: Scenario, robot: RobotConfig
 ) -> Callable[..., NavVectorEnv]:
-    """NavVectorEnv with the run's place, robot, guidance and encoder filled in, and the learner's reward."""
+    """NavVectorEnv with the run's place, robot, guidance and encoder filled in, the learner's reward and first S."""
     return functools.partial(
         NavVectorEnv,
         scenario=scenario,
@@ -228,6 +228,7 @@ def env_maker(
         task_pool=config.task_pool,
         encoder=config.encoder,
         reward_config=learner.reward,
+        maturity=0.0 if learner.measures_maturity else learner.static_maturity,
     )
 
 

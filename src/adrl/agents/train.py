@@ -147,6 +147,7 @@ class _Run:
         learner = self.learner
         policy = learner.policy(self._policy_config, averaged=False)
         learner.mature(self._returns)
+        self.env.maturity = learner.maturity
         if self._env_steps >= self.config.start_steps and learner.replay.ready:
             learner.update()
         self._step(self._explore(policy))
