@@ -136,6 +136,11 @@ def test_a_run_learns_from_seven_terms_and_its_replays_show_them(
 
     for name, config in (("object", SEVEN), ("six", RewardConfig())):
         adrl.train(adrl.RunConfig(scenario="clutter", out=tmp_path / name, learner=learner(config), **SMALL))
+    with pytest.raises(UnknownName, match="still"):
+        adrl.evaluate(tmp_path / "object", scenario="clutter", episodes=1, out=tmp_path / "refused")
+    shown = tmp_path / "shown"
+    adrl.evaluate(tmp_path / "object", scenario="clutter", episodes=1, out=shown, reward_terms=(STILL,))
+    assert read_traces(shown / "traces.safetensors").terms == (*REWARD_TERMS, "still")
     offer(monkeypatch, still="STILL")
     sizes = [text for key, value in SMALL.items() for text in (f"--{key.replace('_', '-')}", str(value))]
     run = ("--steps", 1024, "--start-steps", 256, "--pretrain-updates", 8, "--td3.widths", 16, 16)
@@ -156,6 +161,6 @@ def test_a_run_learns_from_seven_terms_and_its_replays_show_them(
     assert all(
         trace.paid.shape == trace.weights.shape == (len(trace.pose) - 1, 7) for trace in traces.episodes
     )
-    shown = document(read_source(named))
-    (chart,) = (chart for chart in shown["charts"] if chart["title"] == "Reward terms")
+    page = document(read_source(named))
+    (chart,) = (chart for chart in page["charts"] if chart["title"] == "Reward terms")
     assert [series["name"] for series in chart["series"]] == [*list(REWARD_TERMS)[2:], "still"]
