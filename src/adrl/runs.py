@@ -273,7 +273,8 @@ def about_policy(
     setup_seconds: wall clock of what came before the first update, told apart.
     """
     run = asdict(replace(config, robot=robot.name)) | {"method": method_name(config.method)}
-    learner = config.resolved()
+    learner, replanner = config.resolved(), config.resolved_replanner()
+    replans_as_printed = config.guidance != "replan" or replanner == replanner.literal()
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next
         widths=config.learner.td3.widths,
@@ -290,7 +291,7 @@ def about_policy(
                 "randomize": config.randomize and config.env == "native",
                 **({"simulator": config.env} if config.env != "native" else {}),
                 **({"fine_tune": str(config.fine_tune)} if config.fine_tune is not None else {}),
-                "replanner": asdict(config.resolved_replanner()),
+                "replanner": asdict(replanner),
             },
             "run": out.name,
             # Of the weights that a replay shows; maturity None: the policy's own.
@@ -301,7 +302,7 @@ def about_policy(
             },
             **(setup_seconds or {}),
             "scenario": scenario.name,
-            "paper_literal": learner == learner.literal(),
+            "paper_literal": learner == learner.literal() and replans_as_printed,
             "settings": json.loads(json.dumps(run, default=str)),
         },
     )
