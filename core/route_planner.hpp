@@ -37,6 +37,9 @@ class RoutePlanner {
     static constexpr int kUnit = 64;
     // Cells that inflation and comfort may sum to: twice its square is the most that 16 bits hold.
     static constexpr int kMaxReach = 181;
+    // Most that weight and turn may be: 16 bits hold the cost of a cell, 32 that of any route through 400 x 400 cells.
+    static constexpr double kMaxWeight = 100.0;
+    static constexpr double kMaxTurn = 10.0;
 
     RoutePlanner(int height, int width, double resolution, const RouteCosts &costs);
 

@@ -25,6 +25,8 @@ class ProbeEnv:
     """Steps an episode."""
     truncates = False
     """Whether it ends by truncation."""
+    maturity = 0.0
+    """S, as the training loop sets it."""
 
     def __init__(self, num_envs: int = 8) -> None:
         self.num_envs = num_envs

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from adrl.rewards import Step
+from adrl.types import RobotConfig
+from adrl.worlds import robots as registry
 
 WINDOW = 5
 
@@ -20,7 +22,7 @@ class Driver:
     dt_s: float
     obstacle: tuple[float, float, float]  # x, y, radius
     goal: tuple[float, float]
-    radius_m: float = 0.2
+    radius_m: float
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
     rows: list[dict[str, float]] = field(default_factory=list)
     ended: bool = False
@@ -129,26 +131,25 @@ class Driver:
         return Step(**columns, **limits)  # pyright: ignore[reportArgumentType]
 
 
-ROBOTS = {
-    "diffbot": (0.6, 1.5, 0.1),
-    "burger": (0.22, 2.84, 0.1),
-    "jackal": (2.0, 2.0, 0.1),
-    "slow turner": (1.0, 0.5, 0.1),
-    "quick control": (0.6, 1.5, 0.05),
-    "slow control": (0.6, 1.5, 0.2),
+ROBOTS = registry.ROBOTS | {
+    "slow turner": RobotConfig(max_speed_mps=1.0, max_yaw_rate_radps=0.5),
+    "quick control": RobotConfig(control_period_s=0.05),
+    "slow control": RobotConfig(control_period_s=0.2),
 }
+"""Each is taken for its circumscribed disc."""
 FOR_EVER = 2500  # steps: 0.99^2500 < 1e-10
 
 
 def behaviours(robot: str, gap_m: float) -> Iterator[tuple[str, Driver]]:
     """Every behaviour from the same start: gap_m in front of a pillar, the goal 6 m behind it."""
-    limits = ROBOTS[robot]
-    pillar = (0.2 + gap_m + 0.3, 0.0, 0.3)
+    config = ROBOTS[robot]
+    radius_m = config.circumscribed_radius_m
+    pillar = (radius_m + gap_m + 0.3, 0.0, 0.3)
     goal = (pillar[0] + 6.0, 0.0)
-    max_speed, max_yaw_rate, dt = limits
+    limits = config.max_speed_mps, config.max_yaw_rate_radps, config.control_period_s
 
     def driver() -> Driver:
-        return Driver(max_speed, max_yaw_rate, dt, pillar, goal)
+        return Driver(*limits, pillar, goal, radius_m)
 
     d = driver()
     for point in ((-0.3, 0.8), (pillar[0], 1.2), goal):

@@ -127,6 +127,21 @@ def test_what_evaluate_refuses(run: Path, tmp_path: Path) -> None:
         adrl.evaluate(tmp_path / "absent")
 
 
+@pytest.mark.parametrize(
+    "actions", [None, np.zeros(2), np.zeros((2, 3)), np.full((2, 2), np.nan), np.zeros((1, 2))]
+)
+def test_what_is_no_action_is_told_with_the_policys_name(actions: object) -> None:
+    act = Act(0.0)
+    act.act = lambda observation: actions  # pyright: ignore[reportAttributeAccessIssue]
+    with pytest.raises(ConfigError, match=r"policy Act gave .* give \(2, 2\) numbers"):
+        adrl.evaluate(act, scenario=Corridor(), robot=CART, episodes=2)
+
+
+def test_what_cannot_act_is_no_policy() -> None:
+    with pytest.raises(ConfigError, match="policy 7 is no run folder"):
+        adrl.evaluate(7)  # pyright: ignore[reportArgumentType]
+
+
 def test_a_run_needs_an_end(tmp_path: Path) -> None:
     config = adrl.RunConfig(out=tmp_path / "run")
     with pytest.raises(ConfigError, match="max-seconds"):

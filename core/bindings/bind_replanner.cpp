@@ -40,6 +40,13 @@ struct BoundReplanner {
 };
 
 void check(const RouteCosts &costs, double resolution) {
+    for (const double share : {costs.k_obstacle, costs.k_goal, costs.k_turn}) {
+        if (!(share >= 0.0 && share <= 1.0)) throw nb::value_error("k_obstacle, k_goal or k_turn is not in [0, 1]");
+    }
+    if (!(costs.near_goal > 0.0)) throw nb::value_error("near_goal_m is not positive");
+    if (!(costs.weight >= 0.0 && costs.weight <= RoutePlanner::kMaxWeight && costs.turn >= 0.0 &&
+          costs.turn <= RoutePlanner::kMaxTurn))
+        throw nb::value_error("weight or turn_m is negative, or more than a route's cost can hold");
     if (!(costs.inflation >= 0.0 && costs.comfort >= 0.0))
         throw nb::value_error("inflation_m or comfort_m is negative or not a number");
     if (!((costs.inflation + costs.comfort) / resolution <= RoutePlanner::kMaxReach)) {
@@ -193,6 +200,8 @@ void bind_replanner(nb::module_ &m) {
         .def("see", &see, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(), nb::arg("point").noconvert(),
              nb::arg("distance_m"), nb::arg("known"), nb::arg("out").noconvert());
     m.attr("MAX_CLEARANCE_CELLS") = RoutePlanner::kMaxReach;
+    m.attr("MAX_DENSITY_WEIGHT") = RoutePlanner::kMaxWeight;
+    m.attr("MAX_TURN_COST_M") = RoutePlanner::kMaxTurn;
     nb::class_<RoutePlanner>(m, "RoutePlanner")
         .def(nb::new_([](int height, int width, double resolution, const RouteCosts &costs) {
                  if (height < 1 || width < 1 || height > 4096 || width > 4096 || !(resolution > 0.0))

@@ -243,6 +243,8 @@ class Replanner:
         distance_m of it; known: and all of the line has been seen."""
 
 MAX_CLEARANCE_CELLS: int
+MAX_DENSITY_WEIGHT: float
+MAX_TURN_COST_M: float
 """What inflation_m and comfort_m may sum to, in cells; ValueError beyond it."""
 
 class RoutePlanner:

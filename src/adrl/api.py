@@ -22,7 +22,7 @@ from adrl.evaluation.results import RunMeta, Summary, summarise, write_episodes
 from adrl.evaluation.rollout import PrivilegedPolicy, Recorder, Rollout, rollout
 from adrl.evaluation.traces import TRACES_FILE, TraceRecorder, write_traces
 from adrl.planning.replanner_config import ReplannerConfig
-from adrl.rewards import RewardConfig
+from adrl.rewards import RewardConfig, RewardTerm
 from adrl.runs import RunConfig, train
 from adrl.types import Policy, RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, task_set
@@ -62,6 +62,7 @@ def evaluate(
     out: Path | None = None,
     bag: Path | None = None,
     bag_tasks: Collection[int] | None = None,
+    reward_terms: Sequence[RewardTerm] = (),
     on_step: Callable[[int, int], None] | None = None,
 ) -> Evaluation:
     """Drive the first `episodes` tasks of a split.
@@ -72,7 +73,8 @@ def evaluate(
     instead of those of the split. make_body: makes what moves the robots instead of our simulator, for as long as it is
     needed: adrl.integrations.gazebo.Gazebo. on_drive: see rollout. out: folder for episodes.parquet, summary.json and
     traces.safetensors, the course of some episodes and of the first failures, for adrl report. bag: file of a ROS 1
-    bag, or folder of a ROS 2 bag, for the episodes of bag_tasks, or of all tasks when None. Raises AdrlError.
+    bag, or folder of a ROS 2 bag, for the episodes of bag_tasks, or of all tasks when None. reward_terms: your own that
+    the policy was trained with, for the traces; those that an installed package offers are found. Raises AdrlError.
     """
     if episodes < 1:
         raise ConfigError(f"episodes is {episodes}; give 1 or more")
@@ -100,7 +102,7 @@ def evaluate(
     absent = sorted(set(bag_tasks or ()) - set(range(len(tasks))))
     if absent:
         raise ConfigError(f"bag_tasks has {absent[0]}; the tasks are 0 to {len(tasks) - 1}")
-    traces = None if out is None else _trace_recorder(driver)
+    traces = None if out is None else _trace_recorder(driver, reward_terms)
     with ExitStack() as stack:
         body = stack.enter_context(make_body(config)) if make_body is not None else None
         recorders: list[Recorder] = [] if traces is None else [traces]
@@ -140,7 +142,7 @@ def evaluate(
     return Evaluation(summary=summary, rollout=result, tasks=tasks)
 
 
-def _trace_recorder(driver: Policy | PrivilegedPolicy) -> TraceRecorder:
+def _trace_recorder(driver: Policy | PrivilegedPolicy, reward_terms: Sequence[RewardTerm]) -> TraceRecorder:
     """A recorder with the reward that the policy was trained with, if it says so. Raises CheckpointError."""
     if not isinstance(driver, MlpPolicy):
         return TraceRecorder()
@@ -148,7 +150,10 @@ def _trace_recorder(driver: Policy | PrivilegedPolicy) -> TraceRecorder:
     try:
         maturity = saved.get("maturity")
         maturity = driver.config.maturity if maturity is None else float(maturity)
-        return TraceRecorder(RewardConfig(**saved.get("constants", {})), maturity)
+        constants = saved.get("constants", {})
+        given = {term.name: term for term in reward_terms}
+        extra = [given.get(name, name) for name in constants.get("extra_terms", ())]
+        return TraceRecorder(RewardConfig(**constants | {"extra_terms": extra}), maturity)
     except (AttributeError, TypeError, ValueError) as error:
         raise CheckpointError(f"bad reward in the policy's config.json ({error}); restore the file") from None
 
@@ -162,6 +167,10 @@ def _driver(
         about = {"policy": PLANNER, "method": PLANNER, "guidance": guidance or "map"}
         return AStarDwaPolicy(), about, None, named or load_robot("diffbot")
     if not isinstance(policy, MlpPolicy):
+        if not (hasattr(policy, "act") or hasattr(policy, "act_in")):
+            raise ConfigError(
+                f"policy {policy!r} is no run folder and has no act(observation); give one of them"
+            )
         about = {"policy": type(policy).__name__, "method": "external", "guidance": guidance or "goal"}
         return policy, about, None, named or load_robot("diffbot")
     config = policy.config

@@ -220,7 +220,7 @@ def _train(
 def env_maker(
     config: RunConfig, learner: TrainConfig, scenario: Scenario, robot: RobotConfig
 ) -> Callable[..., NavVectorEnv]:
-    """NavVectorEnv with the run's place, robot, guidance and encoder filled in, and the learner's reward."""
+    """NavVectorEnv with the run's place, robot, guidance and encoder filled in, the learner's reward and first S."""
     return functools.partial(
         NavVectorEnv,
         scenario=scenario,
@@ -230,6 +230,7 @@ def env_maker(
         task_pool=config.task_pool,
         encoder=config.encoder,
         reward_config=learner.reward,
+        maturity=0.0 if learner.measures_maturity else learner.static_maturity,
     )
 
 
@@ -274,7 +275,8 @@ def about_policy(
     setup_seconds: wall clock of what came before the first update, told apart.
     """
     run = asdict(replace(config, robot=robot.name)) | {"method": method_name(config.method)}
-    learner = config.resolved()
+    learner, replanner = config.resolved(), config.resolved_replanner()
+    replans_as_printed = config.guidance != "replan" or replanner == replanner.literal()
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next
         widths=config.learner.td3.widths,
@@ -292,7 +294,7 @@ def about_policy(
                 **({"simulator": config.env} if config.env != "native" else {}),
                 **({"fine_tune": str(config.fine_tune)} if config.fine_tune is not None else {}),
                 **_worlds(config, scenario),
-                "replanner": asdict(config.resolved_replanner()),
+                "replanner": asdict(replanner),
             },
             "run": out.name,
             # Of the weights that a replay shows; maturity None: the policy's own.
@@ -303,7 +305,7 @@ def about_policy(
             },
             **(setup_seconds or {}),
             "scenario": scenario.name,
-            "paper_literal": learner == learner.literal(),
+            "paper_literal": learner == learner.literal() and replans_as_printed,
             "settings": json.loads(json.dumps(run, default=str)),
         },
     )

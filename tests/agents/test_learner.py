@@ -146,6 +146,15 @@ def test_a_method_that_does_not_imitate_uses_no_demonstrations_and_no_schedule()
         assert learner.updates == CONFIG.updates_per_iteration
 
 
+@pytest.mark.parametrize(("method", "stored"), [("td3bc", CONFIG.static_maturity), ("adrl", 0.0)])
+def test_demonstrations_are_stored_under_the_weights_of_the_start(method: str, stored: float):
+    """By the literal eq 17 that S weighs them for ever: static weights are those of the online rows too."""
+    learner = make(**vars(method_config(method, CONFIG)))
+    batch = learner.replay.sample(np.random.default_rng(0), 1, 0, 16)
+    assert_array_equal(batch.signals[..., -1], np.full_like(batch.signals[..., -1], stored))
+    assert learner.reward_maturity == stored
+
+
 def test_what_a_method_needs_is_asked_for():
     with pytest.raises(ConfigError, match="demonstrations"):
         make(expert=False)

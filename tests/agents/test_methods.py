@@ -94,6 +94,8 @@ def test_a_method_is_given_as_a_function_or_offered_by_an_installed_package(monk
         (RunConfig(paper_literal=True), True),
         (RunConfig(method="td3", paper_literal=True), True),
         (RunConfig(method="adrl-literal"), True),
+        (RunConfig(method="adrl-literal", guidance="replan"), False),  # with the corrected replanner
+        (RunConfig(guidance="replan", paper_literal=True), True),
     ],
 )
 def test_a_policy_says_whether_it_was_trained_as_printed(config: RunConfig, literal: bool):

@@ -3,7 +3,9 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,9 @@ import resume_run
 from adrl.agents.config import TrainConfig
 from adrl.agents.metrics import EpisodeTally, MetricsLog, crossed, reward_row, spent_fraction
 from adrl.errors import CheckpointError, ConfigError
+from adrl.report.metrics_log import read_metrics
 from adrl.rewards import REWARD_TERMS, RewardConfig, weights
+from probe_envs import Walk
 
 
 def f32(values: list[float]) -> NDArray[np.float32]:
@@ -78,6 +82,21 @@ def test_a_run_reports_every_key(tmp_path: Path):
     assert list((tmp_path / "tb").iterdir())
 
 
+def test_the_environment_is_told_s_before_each_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Its replanner's thresholds follow S (eq 20), as they will with the policy that is saved."""
+    told: list[float] = []
+
+    class Listening(Walk):
+        def step(self, actions: NDArray[np.float32]) -> Any:
+            told.append(self.maturity)
+            return super().step(actions)
+
+    result = resume_run.run(tmp_path, 300, kind=resume_run.Kind(env=Listening))
+    rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
+    assert [told[row["env_steps"] // 4 - 1] for row in rows] == [row["S"] for row in rows]
+    assert told[0] == 0.0 < told[-1] == result.policy.config.maturity
+
+
 def test_a_budget_of_time_ends_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     td3 = resume_run.config(1).td3
     timed = TrainConfig(max_seconds=0.5, td3=td3, pretrain_updates=0, replay_capacity=1000)
@@ -85,6 +104,18 @@ def test_a_budget_of_time_ends_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyP
     result = resume_run.run(tmp_path, 0)
     assert 0.5 <= result.train_seconds < 30.0
     assert (tmp_path / "policy.safetensors").exists()
+
+
+def test_a_run_whose_budget_is_spent_before_its_first_step_says_so_in_one_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """A comparison reads every log: one without a row would keep it from its tables."""
+    spent = replace(resume_run.config(1), steps=None, max_seconds=1e-9)
+    monkeypatch.setattr(resume_run, "config", lambda steps: spent)
+    for resume in (False, True):
+        assert resume_run.run(tmp_path, 0, resume=resume).env_steps == 0
+        columns = read_metrics(tmp_path / "metrics.jsonl")
+        assert (columns["env_steps"].tolist(), columns["updates"].tolist()) == ([0.0], [0.0])
 
 
 def test_a_run_without_an_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

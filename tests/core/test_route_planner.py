@@ -19,8 +19,9 @@ windows = st.tuples(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.02, 0.06,
 costs_drawn = st.builds(
     Costs,
     inflation_m=st.sampled_from([0.03, 0.05, 0.1]),
-    weight=st.sampled_from([0.0, 0.5, 2.0]),
-    turn_m=st.sampled_from([0.0, 0.03, 0.2]),
+    # Near the most, but no round number: the two would round the cost of a cell apart.
+    weight=st.sampled_from([0.0, 0.5, 2.0, 0.997 * _core.MAX_DENSITY_WEIGHT]),
+    turn_m=st.sampled_from([0.0, 0.03, 0.2, _core.MAX_TURN_COST_M]),
     near_goal_m=st.sampled_from([0.2, 0.6]),
 )
 
@@ -151,3 +152,22 @@ def test_clearance_that_cannot_be_measured_is_refused(inflation_m: float, fits: 
         return
     with pytest.raises(ValueError, match="inflation_m"):
         planner(costs)
+
+
+@pytest.mark.parametrize(
+    ("name", "bad"),
+    [
+        ("weight", 1.1 * _core.MAX_DENSITY_WEIGHT),
+        ("weight", math.nan),
+        ("turn_m", 1.1 * _core.MAX_TURN_COST_M),
+        ("turn_m", -0.1),
+        ("k_obstacle", 1.1),
+        ("k_goal", -0.1),
+        ("k_turn", math.nan),
+        ("near_goal_m", 0.0),
+    ],
+)
+def test_costs_that_the_search_cannot_hold_are_refused(name: str, bad: float) -> None:
+    """The cost of a cell is a number of 16 bits: beyond it dense places would be cheap again."""
+    with pytest.raises(ValueError, match=name):
+        planner(dataclasses.replace(Costs(), **{name: bad}))

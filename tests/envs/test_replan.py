@@ -6,7 +6,8 @@ import math
 import numpy as np
 import pytest
 
-from adrl.deploy.policy import default_policy_folder, load_policy
+import adrl
+from adrl.deploy.policy import MlpPolicy, default_policy_folder, load_policy
 from adrl.envs import NavSim, NavVectorEnv
 from adrl.evaluation.rollout import Rollout, rollout
 from adrl.observation import EncoderConfig, in_robot_frame
@@ -72,6 +73,43 @@ def test_a_moving_obstacle_that_stops_in_the_way_is_driven_round() -> None:
     driven = run(task(shut, *ends), "replan")
     assert driven.episodes.success[0]
     assert driven.replans[0] >= 1
+
+
+LEFT_ALONE = dataclasses.replace(CONFIG, maturity_gain=1e6, foresight_m=0.0)
+"""Eq 18 alone, and at S = 1 with thresholds that are below the noise of a scan."""
+
+
+def test_a_policy_is_driven_with_its_own_s() -> None:
+    """adrl.evaluate takes S of eq 20 from the policy."""
+    replans = []
+    for maturity in (0.0, 1.0):
+        policy = MlpPolicy(POLICY.layers, dataclasses.replace(POLICY.config, maturity=maturity))
+        driven = adrl.evaluate(policy, tasks=[u_trap()], guidance="replan", replanner=LEFT_ALONE)
+        replans.append(int(driven.rollout.replans[0]))
+    assert replans[0] >= 1
+    assert replans[1] == 0
+
+
+def test_thresholds_follow_s_while_robots_drive() -> None:
+    """The environment's S may change between steps, as it does in training."""
+    env = NavVectorEnv(
+        1,
+        scenario=OneTask(u_trap()),
+        robot=ROBOT,
+        guidance="replan",
+        randomize=False,
+        replanner=LEFT_ALONE,
+        maturity=1.0,
+    )
+    env.reset(seed=0)
+    assert env.sim.replanner is not None
+    stand = np.array([[-1.0, 0.0]], np.float32)
+    for maturity, replans in ((1.0, 0), (0.0, 1)):
+        env.maturity = maturity
+        for _ in range(30):
+            env.step(stand)
+        assert env.maturity == maturity
+        assert env.sim.replanner.replans[0] == replans
 
 
 def test_what_has_not_been_seen_does_not_matter() -> None:

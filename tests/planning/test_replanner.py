@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from adrl import _core
 from adrl.errors import ConfigError
 from adrl.planning.replanner import Motion, Replanner, Thresholds, adapt, on_course, stagnant
 from adrl.planning.replanner_config import Form, ReplannerConfig
@@ -258,8 +259,6 @@ def test_the_waypoint_is_the_twins(form: Form, seed: int) -> None:
 def candidate_scores(
     replanner: Replanner, solid: Array, pose: Array, goal: Array, form: Form
 ) -> dict[tuple[float, float], float]:
-    from adrl import _core
-
     config, res = replanner.config, replanner.config.resolution_m
     native = config.route_costs(ROBOT)
     origin = replanner.b["origin"][0]
@@ -374,13 +373,31 @@ def test_robots_that_are_not_active_are_left_alone() -> None:
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("window_s", 0.0), ("eq18", "printed"), ("k_proximity", -1.0), ("cells", 10), ("min_interval_m", 2.0)],
+    [
+        ("window_s", 0.0),
+        ("eq18", "printed"),
+        ("k_proximity", -1.0),
+        ("cells", 10),
+        ("min_interval_m", 2.0),
+        ("density_weight", 100.1),
+        ("turn_cost_m", 10.1),
+    ],
 )
 def test_bad_config(field: str, value: Any) -> None:
     with pytest.raises(ConfigError, match=field):
         ReplannerConfig(**{field: value})
     with pytest.raises(ConfigError, match="k_obstacle"):
         ReplannerConfig(k_obstacle=0.0, k_proximity=0.0, k_turn=0.0)
+
+
+def test_as_printed_turning_costs_in_the_search() -> None:
+    """Eq 22 has Cost_kin. 0.1 m a radian: the route out of a robot that faces away costs pi / 10 m more."""
+    literal = ReplannerConfig(cells=80, density_weight=0.0).literal()
+    plan = _core.RoutePlanner(80, 80, literal.resolution_m, literal.route_costs(ROBOT)).plan
+    free = np.zeros((80, 80), dtype=np.int8)
+    ahead, behind = (plan(free, (40, 10), (40, 70), heading)[1] for heading in (0.0, math.pi))
+    assert ahead == pytest.approx(3.0)
+    assert behind - ahead == pytest.approx(0.1 * math.pi, abs=0.01)
 
 
 def test_clearance_beyond_what_is_measured_is_refused() -> None:

@@ -61,6 +61,25 @@ def test_names_must_be_free(bad: Any) -> None:
         RewardConfig(extra_terms=bad)
 
 
+@pytest.mark.parametrize("paid", [1.0, np.ones((2, 1)), np.ones(3), np.array([0.0, np.nan])])
+def test_a_term_pays_each_step_one_finite_number(paid: Any) -> None:
+    """What is not is told at the first step, before replay has it."""
+    odd = RewardConfig(extra_terms=(RewardTerm("odd", lambda step, config: paid, STILL.weight),))
+    with pytest.raises(ConfigError, match=r"'odd'.*one finite number a step"):
+        terms(a_step(reached=[False, False]), odd)
+
+
+@pytest.mark.parametrize(
+    ("weight", "says"), [(-0.1, "is -0.05; give 0 or more"), (np.nan, "nan"), (np.ones(2), "one a state")]
+)
+def test_a_weight_is_no_less_than_nothing_in_any_state(weight: Any, says: str) -> None:
+    RewardTerm("fixed", still, lambda t_obs, t_goal, t_stop, s: 0.2)
+    RewardTerm("at_times", still, lambda t_obs, t_goal, t_stop, s: np.where(s > 0.5, 0.2, 0.0))
+    shape = np.shape(weight)
+    with pytest.raises(ConfigError, match=f"'odd'.*{says}"):
+        RewardTerm("odd", still, lambda t_obs, t_goal, t_stop, s: weight if shape else weight * s)
+
+
 def offer(monkeypatch: pytest.MonkeyPatch, **objects: str) -> None:
     """An installed package that offers these objects of this file as reward terms."""
     group = "adrl.reward_terms"
@@ -117,6 +136,11 @@ def test_a_run_learns_from_seven_terms_and_its_replays_show_them(
 
     for name, config in (("object", SEVEN), ("six", RewardConfig())):
         adrl.train(adrl.RunConfig(scenario="clutter", out=tmp_path / name, learner=learner(config), **SMALL))
+    with pytest.raises(UnknownName, match="still"):
+        adrl.evaluate(tmp_path / "object", scenario="clutter", episodes=1, out=tmp_path / "refused")
+    shown = tmp_path / "shown"
+    adrl.evaluate(tmp_path / "object", scenario="clutter", episodes=1, out=shown, reward_terms=(STILL,))
+    assert read_traces(shown / "traces.safetensors").terms == (*REWARD_TERMS, "still")
     offer(monkeypatch, still="STILL")
     sizes = [text for key, value in SMALL.items() for text in (f"--{key.replace('_', '-')}", str(value))]
     run = ("--steps", 1024, "--start-steps", 256, "--pretrain-updates", 8, "--td3.widths", 16, 16)
@@ -137,6 +161,6 @@ def test_a_run_learns_from_seven_terms_and_its_replays_show_them(
     assert all(
         trace.paid.shape == trace.weights.shape == (len(trace.pose) - 1, 7) for trace in traces.episodes
     )
-    shown = document(read_source(named))
-    (chart,) = (chart for chart in shown["charts"] if chart["title"] == "Reward terms")
+    page = document(read_source(named))
+    (chart,) = (chart for chart in page["charts"] if chart["title"] == "Reward terms")
     assert [series["name"] for series in chart["series"]] == [*list(REWARD_TERMS)[2:], "still"]

@@ -19,6 +19,14 @@ class TrainEnv(Protocol):
 
     num_envs: int
 
+    @property
+    def maturity(self) -> float:
+        """S, which the loop sets before each step: the replanner's thresholds follow it (eq 20)."""
+        ...
+
+    @maturity.setter
+    def maturity(self, value: float) -> None: ...
+
     def reset(self, *, seed: int | None = None) -> tuple[F32, dict[str, Any]]: ...
 
     def step(self, actions: F32) -> tuple[F32, F32, Mask, Mask, dict[str, Any]]: ...

@@ -39,7 +39,7 @@ class Learner:
         mirror: Mirror | None = None,
         start: MlpPolicy | None = None,
     ) -> None:
-        """demonstrations are left aside by a method that does not imitate, and S stays 0 without the probe it needs.
+        """demonstrations are left aside by a method that does not imitate.
 
         mirror: of the observations, None for a robot that is not symmetric. start: the actor to begin with, which is
         held while the critics are cold. Raises ConfigError if demonstrations or probe are missing or the start is of
@@ -58,6 +58,7 @@ class Learner:
         rows = max(config.replay_capacity // num_envs, 1)
         of_targets = config.td3.n_step, config.td3.gamma
         self._mirror = mirror if config.mirror else None
+        self._schedule = MaturityState()
         self.replay = Replay(
             rows,
             num_envs,
@@ -67,6 +68,7 @@ class Learner:
             self._mirror,
             config.failure_share,
             len(reward_terms(config.reward)),
+            self.reward_maturity,
         )
         self._probe = None if probe is None else jnp.array(probe.observation, copy=True)
         self._bounds = None if probe is None else BoundsTable(probe, config.td3.gamma, config.reward)
@@ -83,7 +85,6 @@ class Learner:
         self._info: td3.UpdateInfo | None = None
         self.compile_seconds: float | None = None
         """Wall clock of the first update's call, which traces and compiles; None before it."""
-        self._schedule = MaturityState()
         self._measured_at = 0
         self.bounds = Bounds(float("nan"), float("nan"))
         self.pretrain_updates = 0

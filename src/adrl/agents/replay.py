@@ -45,9 +45,11 @@ class Replay:
         mirror: Mirror | None = None,
         failure_share: float = 0.0,
         num_terms: int = len(REWARD_TERMS),
+        maturity: float = 0.0,
     ) -> None:
         """rows: T, at least n_step. n_step, gamma: of the targets. mirror: every other row that is sampled is
         mirrored by it. failure_share: of the online rows sampled, those that lead to a failure. num_terms: R.
+        maturity: S of the reward weights before anything is learnt, for the literal eq 17 of the demonstrations.
         Raises DatasetError if D or R differ."""
         self._mirror, self._failure_share = mirror, failure_share
         self._failures = Failures()
@@ -75,9 +77,9 @@ class Replay:
         self.steps = 0
         """Rows written since the start of the run."""
         if demonstrations is not None:
-            self._load(demonstrations, observation_size)
+            self._load(demonstrations, observation_size, maturity)
 
-    def _load(self, data: Demonstrations, observation_size: int) -> None:
+    def _load(self, data: Demonstrations, observation_size: int, maturity: float) -> None:
         found = data.observation.shape[1]
         if found != observation_size:
             raise DatasetError(
@@ -90,12 +92,12 @@ class Replay:
                 f"demonstrations: a step has {recorded} reward terms, the run's reward {self._num_terms}; "
                 "collect them with the run's reward"
             )
+        stored = np.full((len(data), 1), maturity)
         sources = {
             "observation": data.observation,
             "next_observation": data.next_observation,
             "action": data.action,
-            # Recorded before anything was learnt: S = 0.
-            "signals": np.concatenate([data.reward_terms, data.features, np.zeros((len(data), 1))], axis=1),
+            "signals": np.concatenate([data.reward_terms, data.features, stored], axis=1),
             "ending": _ending(data.terminated, data.truncated),
         }
         for name, source in sources.items():

@@ -147,6 +147,7 @@ class _Run:
         learner = self.learner
         policy = learner.policy(self._policy_config, averaged=False)
         learner.mature(self._returns)
+        self.env.maturity = learner.maturity
         if self._env_steps >= self.config.start_steps and learner.replay.ready:
             learner.update()
         self._step(self._explore(policy))
@@ -211,7 +212,7 @@ class _Run:
         tally = self._tally.take()
         self._train_success = tally["train_success"]
         head = {"wall_s": self.wall_s(), "env_steps": self._env_steps, "episode": self._tally.total}
-        shaped = reward_row(*recent, self.learner.reward_maturity, self.config.reward)
+        shaped = reward_row(*recent, self.learner.reward_maturity, self.config.reward) if replay.count else {}
         assert self._log is not None
         self._log.write(head | self.learner.row() | tally | numbers | shaped)
         self._logged_at = self._env_steps
@@ -240,8 +241,8 @@ class _Run:
         """Save the last checkpoint and the policy."""
         seconds = self.wall_s()
         self._save()
-        # After the checkpoint: a run that is resumed to go on writes no row here.
-        if self._logged_at < self._env_steps:
+        # After the checkpoint: a run that is resumed to go on writes no row here. A log has one row at the least.
+        if self._logged_at < self._env_steps or self._env_steps == 0:
             self._write_row(evaluate=False)
         updates, episodes = self.learner.updates, self._tally.total
         counts = {

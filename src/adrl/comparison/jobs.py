@@ -162,7 +162,6 @@ def train_baseline(
         randomize=config.randomize,
         task_priority=config.task_priority,
         seed=learner.seed,
-        maturity=learner.static_maturity,
     )
     about = replace(about_policy(config, robot, scenario, out), method=method)
     train_sb3(

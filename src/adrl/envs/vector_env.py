@@ -84,8 +84,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         robot, encoder: also as their fields, as JSON gives them.
         randomize: False for the nominal robot, True for mild variation, or a Randomization.
         replanner: constants of guidance `replan`.
-        maturity: S of eq 13, which sets the reward weights (eqs 14-16), where the learner forms its own, and the
-        replanner's thresholds (eq 20).
+        maturity: S at first; see the property.
         seed: used until reset(seed=...) gives another. num_threads: 0 takes one per core.
         autoreset_mode: SAME_STEP, or DISABLED to reset with options={"reset_mask": mask}.
         body: moves and senses the robots instead of our simulator, as they are: randomize must be False.
@@ -108,7 +107,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             num_threads=num_threads,
             body=body,
         )
-        self.maturity = maturity
+        self._maturity = maturity
         if not 0.0 <= task_priority <= 1000.0:
             raise ConfigError(f"task_priority is {task_priority}; give 0 to 1000")
         self._pool = TaskPool(self.scenario, self.robot, split, task_pool)
@@ -128,6 +127,18 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.render_mode = render_mode
         self._renderer = Renderer() if render_mode is not None else None
+
+    @property
+    def maturity(self) -> float:
+        """S of eq 13: sets the weights of the reward (eqs 14-16), which our learner forms itself, and the replanner's
+        thresholds (eq 20)."""
+        return self._maturity
+
+    @maturity.setter
+    def maturity(self, value: float) -> None:
+        self._maturity = value
+        if self.sim.replanner is not None:
+            self.sim.replanner.maturity = value
 
     def reset(
         self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
@@ -168,7 +179,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             info["_final_obs"] = ended
             self._begin(np.flatnonzero(ended))
             observation = self.sim.observe()
-        rewards = reward(outcome.reward_terms, outcome.features, self.maturity, self.sim.reward)
+        rewards = reward(outcome.reward_terms, outcome.features, self._maturity, self.sim.reward)
         return observation, np.asarray(rewards, dtype=np.float32), terminated, truncated, info
 
     def expert_actions(self) -> F32:

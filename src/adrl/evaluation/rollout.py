@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from adrl.envs import NOMINAL, Body, NavSim, Randomization
 from adrl.envs.nav_sim import Outcome
-from adrl.errors import TaskError
+from adrl.errors import ConfigError, TaskError
 from adrl.evaluation.metrics import Episodes
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
@@ -103,7 +103,8 @@ def rollout(
     tasks, from the first, whose routes are kept. replanner, maturity: see NavSim. first_task: number of tasks[0] in
     its split. rewards: those to add up, if any. recorders: keep the course of episodes. on_step(ended, total) is
     told the progress. body: moves and senses the robots instead of our simulator, as many side by side as it has.
-    on_drive(sim, numbers, moving) sees each period of the robots (N,) that moved. Raises TaskError for no tasks.
+    on_drive(sim, numbers, moving) sees each period of the robots (N,) that moved. Raises TaskError for no tasks,
+    ConfigError for actions that are none.
     """
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
@@ -182,6 +183,11 @@ def _drive(
         active = sim.b["active"].astype(bool)
         before = sim.b["twist"][:, 1].copy()
         actions = policy.act_in(sim) if hasattr(policy, "act_in") else policy.act(sim.observe())  # pyright: ignore
+        if np.shape(actions) != (n, 2) or not np.isfinite(actions).all():
+            raise ConfigError(
+                f"policy {type(policy).__name__} gave actions of shape {np.shape(actions)}, or not finite ones; "
+                f"give ({n}, 2) numbers: speed and yaw rate in [-1, 1]"
+            )
         outcome = sim.step(actions)
         for recorder in recorders:
             recorder.add(sim, active, outcome)

@@ -78,7 +78,7 @@ class ReplannerConfig:
     turn_cost_m: float = 0.1
     """lambda of eq 22: m that a radian of turning costs. Counts with `headings`."""
     headings: bool = False
-    """Search over cells and headings: turning is part of the route's cost. About twice as slow."""
+    """Search over cells and headings: turning is part of the route's cost, as eq 22 has it. About twice as slow."""
     cells: int = 400
     """Cells on a side of the window that is mapped about the robot."""
     resolution_m: float = 0.05
@@ -96,6 +96,12 @@ class ReplannerConfig:
             if not (math.isfinite(value) and value >= low):
                 wanted = "0 or more" if name in _ZERO_ALLOWED else "a positive number"
                 raise ConfigError(f"replanner.{name} is {value}; give {wanted}")
+        for name, most in (
+            ("density_weight", _core.MAX_DENSITY_WEIGHT),
+            ("turn_cost_m", _core.MAX_TURN_COST_M),
+        ):
+            if getattr(self, name) > most:
+                raise ConfigError(f"replanner.{name} is {getattr(self, name)}; give 0 to {most:g}")
         if not 40 <= self.cells <= 4096:
             raise ConfigError(f"replanner.cells is {self.cells}; give 40 to 4096")
         if self.k_obstacle + self.k_proximity + self.k_turn <= 0.0:
@@ -108,8 +114,8 @@ class ReplannerConfig:
             )
 
     def literal(self) -> Self:
-        """The same constants with every equation as printed."""
-        return replace(self, **dict.fromkeys(EQUATIONS, "literal"))
+        """The same constants with every equation as printed, eq 22 with its kinematic cost."""
+        return replace(self, headings=True, **dict.fromkeys(EQUATIONS, "literal"))
 
     def steps(self, duration_s: float, robot: RobotConfig) -> int:
         """A duration in control periods, at least one."""

@@ -1,12 +1,14 @@
 """Constants of the reward. Terms keep the paper's numbers; `scale` brings their sum near 1."""
 
 import functools
+import itertools
 import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
+import numpy as np
 import tyro
 
 from adrl.errors import ConfigError
@@ -33,8 +35,21 @@ class RewardTerm:
         weight: Callable[[Any, Any, Any, Any], Any],
     ) -> None:
         """name: that of one of the four shaping terms takes its place. value: (N,) what a step pays. weight(T_obs,
-        T_goal, T_stop, S): before normalisation, as in eqs 14 and 15; of numpy's and of JAX's arrays."""
+        T_goal, T_stop, S): before normalisation, as in eqs 14 and 15; of numpy's and of JAX's arrays, 0 or more.
+
+        Raises ConfigError for a weight that is not.
+        """
         self.name, self.value, self.weight = name, value, weight
+        states = np.array(list(itertools.product((0.0, 0.5, 1.0), repeat=4)))
+        given = np.asarray(weight(*states.T))
+        if given.shape not in ((), (len(states),)):
+            raise ConfigError(f"reward term {name!r}: its weight has shape {given.shape}; give one a state")
+        for state, number in zip(states.tolist(), np.broadcast_to(given, len(states)).tolist(), strict=True):
+            if not (math.isfinite(number) and number >= 0.0):
+                raise ConfigError(
+                    f"reward term {name!r}: its weight for T_obs, T_goal, T_stop, S = {state} is {number}; "
+                    "give 0 or more"
+                )
 
     def __str__(self) -> str:
         return self.name

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from adrl.errors import ConfigError
 from adrl.rewards.config import RewardConfig
 
 Array = NDArray[np.floating]
@@ -165,6 +166,16 @@ def reward_terms(config: RewardConfig) -> dict[str, Callable[[Step, RewardConfig
 
 
 def terms(step: Step, config: RewardConfig) -> NDArray[np.float32]:
-    """(N, R) sub-rewards of a step, columns in the order of reward_terms(config)."""
-    values = reward_terms(config).values()
-    return np.stack([term(step, config) for term in values], axis=-1).astype(np.float32)
+    """(N, R) sub-rewards of a step, columns in the order of reward_terms(config).
+
+    Raises ConfigError for an extra term that does not give N finite numbers.
+    """
+    values = {name: term(step, config) for name, term in reward_terms(config).items()}
+    for name in (term.name for term in config.extra()):
+        shape, expected = np.shape(values[name]), step.reached.shape
+        if shape != expected or not np.isfinite(values[name]).all():
+            raise ConfigError(
+                f"reward term {name!r} gives numbers of shape {shape} for {expected} steps, or not finite ones; "
+                "give one finite number a step"
+            )
+    return np.stack(list(values.values()), axis=-1).astype(np.float32)
