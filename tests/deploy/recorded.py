@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adrl.deploy import MlpPolicy, Odometry, Scan, load_policy
-from adrl.deploy.policy import default_policy_folder
+from adrl.deploy.policy import DEFAULT, resolve_policy
 from adrl.envs import NavSim
 from adrl.motion import F32
 from adrl.observation import EncoderConfig
@@ -15,7 +15,7 @@ from adrl.types import LidarConfig, RobotConfig, Task
 
 def a_policy(robot: RobotConfig, *, history_steps: int = 0) -> MlpPolicy:
     """The shipped policy for any robot; with motion cues it heeds them too, at random."""
-    shipped = load_policy(default_policy_folder())
+    shipped = load_policy(resolve_policy(DEFAULT))
     encoder = EncoderConfig(history_steps=history_steps)
     layers = list(shipped.layers)
     if history_steps > 0:

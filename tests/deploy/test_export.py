@@ -13,7 +13,7 @@ import pytest
 
 from adrl.deploy import MlpPolicy
 from adrl.deploy.plain import to_safetensors
-from adrl.deploy.policy import default_policy_folder, load_policy
+from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
 from adrl.types import RobotConfig
 from adrl.worlds import ROBOTS
 from deploy.recorded import a_policy
@@ -123,7 +123,7 @@ def test_the_cpp_example_refuses_malformed_rows(programs: Path, tmp_path: Path, 
 @pytest.mark.integration
 def test_the_cpp_example_drives_as_the_robot_of_its_policy_can(programs: Path, tmp_path: Path):
     file = tmp_path / "policy.safetensors"
-    policy = load_policy(default_policy_folder())
+    policy = load_policy(resolve_policy(DEFAULT))
 
     def drive(**changes: float) -> subprocess.CompletedProcess[str]:
         config = replace(policy.config, robot={**policy.config.robot, **changes})

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from adrl.deploy.policy import default_policy_folder
+from adrl.deploy.policy import DEFAULT, resolve_policy
 from adrl.integrations.gazebo.server import is_installed
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -85,7 +85,7 @@ def test_a_how_to_runs_with_a_trained_run(page: Path, tmp_path: Path) -> None:
     if not program and 'title="with Gazebo"' in text:
         pytest.skip("Gazebo is not set up; run scripts/gazebo-chroot")
     assert program, "no example in this page"
-    shutil.copytree(default_policy_folder(), tmp_path / "runs" / "mine")
+    shutil.copytree(resolve_policy(DEFAULT), tmp_path / "runs" / "mine")
     run(program, tmp_path)
 
 

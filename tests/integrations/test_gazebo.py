@@ -14,7 +14,7 @@ from PIL import Image
 
 from adrl import _core
 from adrl.cli import main
-from adrl.deploy.policy import default_policy_folder, load_policy
+from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
 from adrl.envs import MILD, NavSim
 from adrl.errors import ConfigError, MissingExtra, WorldError
 from adrl.evaluation.drives import read_drives
@@ -211,7 +211,7 @@ class TestInGazebo:
 
     @pytest.mark.slow
     def test_the_shipped_policy_drives_as_it_does_in_our_simulator(self, gazebo: Gazebo) -> None:
-        policy = load_policy(default_policy_folder())
+        policy = load_policy(resolve_policy(DEFAULT))
         robot = robot_from_fields(policy.config.robot)
         tasks = task_set(SCENARIOS["clutter"], robot, "test", 6)
         options = dict(guidance=policy.config.guidance, encoder=EncoderConfig(**policy.config.encoder))
@@ -246,7 +246,7 @@ class TestInGazebo:
         arguments += ["--guidance", "map", "--num-envs", "4", "--steps", "600", "--start-steps", "200"]
         arguments += ["--critic-warmup-updates", "8", "--task-pool", "4", "--out", str(tmp_path / "run")]
         assert main(arguments) == 0
-        before, after = (load_policy(p).layers for p in (default_policy_folder(), tmp_path / "run"))
+        before, after = (load_policy(p).layers for p in (resolve_policy(DEFAULT), tmp_path / "run"))
         change = [float(np.abs(a[0] - b[0]).max()) for a, b in zip(before, after, strict=True)]
         assert 0.0 < max(change) < 0.2
 

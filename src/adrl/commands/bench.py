@@ -10,7 +10,7 @@ from adrl.benchmarks.act import bench_act, bench_runtime
 from adrl.benchmarks.plan import bench_dwa, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.commands.options import Runner, parse, require_file, subcommand
-from adrl.deploy.policy import DEFAULT, default_policy_folder, load_policy, resolve_policy
+from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +58,7 @@ class ActOptions:
     """One robot, on one core."""
 
     policy: str = DEFAULT
-    """default (the shipped policy), or a run folder."""
+    """a shipped policy (adrl list), or a run folder."""
     steps: int = 5000
     """Control steps to time, of each guidance."""
     json: Path | None = None
@@ -102,7 +102,7 @@ class Ros2Options:
     """A node of ROS 2, and a simulated robot in real time beside it."""
 
     policy: str = DEFAULT
-    """default (the shipped policy), or a run folder."""
+    """a shipped policy (adrl list), or a run folder."""
     scans: int = 600
     """Scans to time, ten a second with the default policy."""
     json: Path | None = None
@@ -150,7 +150,7 @@ def _plan(arguments: Sequence[str]) -> int:
         num_envs=options.envs, num_threads=options.threads, seconds=options.seconds, rounds=options.rounds
     )
     results["replan"] = bench_replan()
-    results["policy_step"] = bench_act(load_policy(default_policy_folder()))
+    results["policy_step"] = bench_act(load_policy(resolve_policy(DEFAULT)))
     if options.map is not None:
         results["map"] = bench_map(options.map)
     return _report(results, options.json)

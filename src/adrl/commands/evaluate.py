@@ -27,7 +27,7 @@ class EvaluateOptions(Place):
     """Which policy drives where."""
 
     policy: str = api.DEFAULT
-    """astar-dwa (knows the map), default (the shipped policy), or a run folder."""
+    """astar-dwa (knows the map), a shipped policy (adrl list), or a run folder."""
     robot: str | None = None
     """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
     guidance: Literal["goal", "replan", "map"] | None = None

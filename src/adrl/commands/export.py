@@ -10,7 +10,7 @@ from adrl import files
 from adrl.commands.options import parse, require_file
 from adrl.deploy.onnx_graph import to_onnx
 from adrl.deploy.plain import to_safetensors
-from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
+from adrl.deploy.policy import SHIPPED, load_policy, resolve_policy
 from adrl.errors import ConfigError
 
 
@@ -19,7 +19,7 @@ class ExportOptions:
     """What to write, and in which form."""
 
     policy: Positional[str]
-    """default (the shipped policy), or a run folder."""
+    """a shipped policy (adrl list), or a run folder."""
     onnx: bool = False
     """An ONNX model: ranges, goal, twist and last action in, action and velocity out; the encoder is inside."""
     safetensors: bool = False
@@ -35,8 +35,8 @@ def main(arguments: Sequence[str]) -> int:
         raise ConfigError("give one of --onnx and --safetensors")
     require_file("--out", options.out)
     folder = resolve_policy(options.policy)
-    if options.out is None and options.policy == DEFAULT:
-        raise ConfigError("the shipped policy's folder is not yours to write to; give --out FILE")
+    if options.out is None and options.policy in SHIPPED:
+        raise ConfigError("a shipped policy's folder is not yours to write to; give --out FILE")
     out = options.out or folder / ("policy.onnx" if options.onnx else "policy.plain.safetensors")
     policy = load_policy(folder)
     files.atomic_write_bytes(out, to_onnx(policy) if options.onnx else to_safetensors(policy))

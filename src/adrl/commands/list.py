@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from adrl.agents.methods import METHODS
-from adrl.api import DEFAULT, PLANNER
+from adrl.api import PLANNER
 from adrl.baselines import SB3_METHODS
 from adrl.commands.options import parse
+from adrl.deploy.policy import SHIPPED
 from adrl.types import GUIDANCE
 from adrl.worlds import ROBOTS, SCENARIOS
 
@@ -37,7 +38,7 @@ def main(arguments: Sequence[str]) -> int:
             {name: f"{a} of Stable-Baselines3, in adrl compare" for name, a in SB3_METHODS.items()},
         ),
         ("guidance", dict.fromkeys(GUIDANCE, "")),
-        ("policies", {PLANNER: "A*+DWA with the true map", DEFAULT: "the policy that ships with ADRL"}),
+        ("policies", {PLANNER: "A*+DWA with the true map"} | SHIPPED),
     ):
         print(f"{title}:")
         for name, text in entries.items():

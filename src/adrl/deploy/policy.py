@@ -25,7 +25,11 @@ WEIGHTS_FILE = "policy.safetensors"
 CONFIG_FILE = "config.json"
 ACTION_SIZE = 2
 DEFAULT = "default"
-"""The policy that ships with the package."""
+SHIPPED = {
+    DEFAULT: "ships with ADRL: diffbot, waypoints of a map",
+    "jackal": "ships with ADRL: the Jackal among BARN's cylinders, no map",
+}
+"""The policies that ship with the package: name -> what each is for."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,20 +97,15 @@ class MlpPolicy:
         write_json(path / CONFIG_FILE, {"schema_version": SCHEMA_VERSION} | known | extra)
 
 
-def default_policy_folder() -> Path:
-    """Folder of the policy that ships with the package."""
-    return Path(str(resources.files("adrl") / "policies" / DEFAULT))
-
-
 def resolve_policy(policy: str | os.PathLike[str]) -> Path:
-    """Run folder of a policy: `default` is the shipped one. Raises CheckpointError."""
-    if str(policy) == DEFAULT:
-        return default_policy_folder()
+    """Folder of a policy: a name of SHIPPED, or a run folder. Raises CheckpointError."""
+    if str(policy) in SHIPPED:
+        return Path(str(resources.files("adrl") / "policies" / str(policy)))
     folder = Path(policy)
     if not folder.is_dir():
         raise CheckpointError(
-            f"policy {str(policy)!r}: no such folder; give the folder of a finished training run, or {DEFAULT!r}; "
-            "evaluations also take 'astar-dwa'"
+            f"policy {str(policy)!r}: no such folder; give the folder of a finished training run, "
+            f"or one of {', '.join(SHIPPED)}; evaluations also take astar-dwa"
         )
     return folder
 

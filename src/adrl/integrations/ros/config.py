@@ -25,7 +25,7 @@ class DriveConfig:
     """A policy that drives a robot to the goals it gets."""
 
     policy: str = DEFAULT
-    """default (the shipped policy), or a run folder."""
+    """a shipped policy (adrl list), or a run folder."""
     guidance: Literal["goal", "replan", "map"] | None = None
     """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when blocked;
     map: a waypoint on the A* path of the known map. map with a map, else as trained, which must not be map."""
