@@ -15,13 +15,11 @@ from matplotlib.typing import LineStyleType
 from adrl.evaluation.learning_time import median_seconds_to_level
 from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
 from adrl.report.figures import EDGE, PALETTE, RoutePanel, blank_figure, line_style, routes_figure, save
-from adrl.report.reported import ABLATIONS, LABELS, METHODS, RIVALS
+from adrl.report.reported import ABLATIONS, LABELS, METHODS, OURS, PLANNER, RIVALS
 from adrl.report.reproduction import Array, Results
 from adrl.report.reproduction_numbers import (
     HARD_SHARE,
     LEVELS,
-    OURS,
-    PLANNER,
     hard_worlds,
     steady_episodes,
     success_on,
