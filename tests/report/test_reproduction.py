@@ -204,6 +204,8 @@ def test_success_of_every_method_with_and_without_the_replanner(results: kept.Re
         for guidance in ("goal", "replan"):
             assert [row[f"success_{guidance}{end}"] for end in ENDS] == pytest.approx([rate] * 3)
         assert [row[f"gain{end}"] for end in ENDS] == [0.0] * 3
+        assert row["freed"] == 0.0, "what the replanner does not free"
+        assert (row["collision_goal"], row["timeout_replan"]) == (0.1, 0.1)
     planner = rows["astar-dwa"]
     assert [planner[f"success_map{end}"] for end in ENDS] == list(wilson_interval(TASKS - 1, TASKS))
     assert planner["seeds"] is None
@@ -237,8 +239,22 @@ def hand_made(driven: dict[tuple[str, str], list[list[float]]]) -> kept.Results:
             columns["shortest_m"] = np.full(len(times), 10.0)
             runs[kept.NO_SEED if method == "astar-dwa" else seed] = columns
             whose = {"scenario": "complex", "method": method, "guidance": guidance, "seed": seed}
-            found.runs.append(whose | {"success": float(success.mean())})
+            found.runs.append(whose | {"success": float(success.mean()), "collision": 0.0, "timeout": 0.0})
     return found
+
+
+def test_timeouts_that_the_replanner_frees_are_counted_task_by_task() -> None:
+    """Tasks 1 to 3 ran out of time; with the replanner 1 and 2 are reached, 0 is lost. The other seed had none."""
+    stuck, freed = [20.0, math.inf, math.inf, math.inf], [math.inf, 20.0, 20.0, math.inf]
+    found = hand_made({("adrl", "goal"): [stuck, [20.0] * 4], ("adrl", "replan"): [freed, [20.0] * 4]})
+    for run in (
+        *found.outcomes("complex", "adrl", "goal").values(),
+        *found.outcomes("complex", "adrl", "replan").values(),
+    ):
+        run["collision"][:] = False
+    (row,) = success_rows(found, "complex")
+    assert row["freed"] == pytest.approx(2.0 / 3.0)
+    assert [row[f"gain{end}"] for end in ENDS] == [0.125, 0.0, 0.25]
 
 
 def test_time_is_compared_on_the_tasks_that_both_reached_and_success_on_all() -> None:
@@ -380,7 +396,7 @@ def test_the_report_holds_every_figure_and_the_papers_numbers(folder: Path) -> N
         numbers = (row["distance_m"], row["time_s"], row["success"], row["optimality"])
         assert f"| {label} | {' | '.join(f'{number:.2f}' for number in numbers)} |" in page
     assert "value estimate" in page
-    row = "| 92.5 [92.5, 92.5] | 92.5 [92.5, 92.5] | +0.0 [+0.0, +0.0] |"
+    row = "| 92.5 [92.5, 92.5] | 10.0 | 10.0 | 92.5 [92.5, 92.5] | 10.0 | 10.0 | +0.0 [+0.0, +0.0] |"
     assert all(f"| {LABELS[method]} | 2 {row}" in page for method in METHODS)
     assert "1 h 2 min 5 s, 15 jobs, 2 sessions together" in page
     assert "python 3.11.7, torch 1.2" in page

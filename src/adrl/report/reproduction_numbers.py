@@ -16,7 +16,7 @@ from adrl.evaluation.learning_time import (
 from adrl.evaluation.metrics import COMMON, OVER_SUCCESSES, means_on_common_tasks
 from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
 from adrl.report.reported import METHODS, OURS, PLANNER, TABLE_I
-from adrl.report.reproduction import NO_SEED, Array, Results, entry, finite
+from adrl.report.reproduction import NO_SEED, Array, Columns, Results, entry, finite
 from adrl.report.reproduction_pairs import difference, planner_interval, success_interval
 
 LEVELS = (0.8, 0.95)
@@ -66,7 +66,9 @@ def beside_planner(results: Results, scenario: str, method: str, guidance: str) 
 def success_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
     """Success of every trained method in each evaluation, with intervals over seeds, and the planner's over episodes.
 
-    `success_GUIDANCE`; `gain`: with the replanner less without it, seed by seed, where a method was driven in both.
+    `success_GUIDANCE`, and the means `collision_GUIDANCE` and `timeout_GUIDANCE`. Where a method was driven without the
+    replanner and with it, also `gain`: with it less without it, seed by seed; `freed`: of its timeouts without it, the
+    share that it solved with it.
     """
     rows = []
     for method in (*METHODS, PLANNER):
@@ -78,14 +80,28 @@ def success_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
         row["seeds"] = None if method == PLANNER else max(len(by_seed) for by_seed in runs.values())
         for guidance in evaluated:
             row |= entry(f"success_{guidance}", success_interval(results, scenario, method, guidance))
+            for ending in ("collision", "timeout"):
+                values = results.values(scenario, method, guidance, ending)
+                row[f"{ending}_{guidance}"] = finite(float(np.mean(values))) if values else None
         if {"goal", "replan"} <= set(evaluated):
             without, with_it = (
                 {seed: float(run["success"].mean()) for seed, run in runs[guidance].items()}
                 for guidance in ("goal", "replan")
             )
             row |= entry("gain", difference(with_it, without))
+            row |= entry("freed", seed_mean(_freed(runs["goal"], runs["replan"])))
         rows.append(row)
     return rows
+
+
+def _freed(without: Mapping[int, Columns], with_it: Mapping[int, Columns]) -> list[float]:
+    """Of the tasks that ran out of time without the replanner, the share solved with it: of each seed that has any."""
+    stuck = {seed: ~run["success"] & ~run["collision"] for seed, run in without.items()}
+    return [
+        float(with_it[seed]["success"][rows].mean())
+        for seed, rows in stuck.items()
+        if rows.any() and seed in with_it
+    ]
 
 
 def _entries(intervals: Mapping[str, Interval]) -> dict[str, float | None]:
