@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -98,6 +99,35 @@ def test_a_session_is_recorded_while_its_jobs_run(monkeypatch: pytest.MonkeyPatc
     assert written[-1]["wall_s"] == 15.0 + sessions.INTERVAL_S
     assert written[-1]["cores"] == 2
     assert {"python", "jax", "numpy", "adrl"} <= written[-1]["versions"].keys()
+
+
+def test_the_commit_is_that_of_the_packages_own_checkout(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Named when files differ from it; a package that lies untracked in another's repository has none."""
+
+    def git(*arguments: str) -> str:
+        identity = ("-c", "user.name=nobody", "-c", "user.email=nobody@localhost")
+        done = subprocess.run(
+            ["git", *identity, *arguments], cwd=tmp_path, check=True, capture_output=True, text=True
+        )
+        return done.stdout.strip()
+
+    package = tmp_path / "adrl" / "__init__.py"
+    package.parent.mkdir()
+    package.write_text("")
+    monkeypatch.setattr(sessions.adrl, "__file__", str(package))
+    assert sessions.commit() is None, "no repository"
+    git("init", "--quiet")
+    (tmp_path / "other").write_text("")
+    git("add", "other")
+    git("commit", "--quiet", "-m", "first")
+    assert sessions.commit() is None, "not of this repository"
+    git("add", "adrl")
+    git("commit", "--quiet", "-m", "second")
+    assert sessions.commit() == git("rev-parse", "HEAD")
+    package.write_text("changed = True\n")
+    assert sessions.commit() == git("rev-parse", "HEAD") + "-dirty"
 
 
 @pytest.mark.slow

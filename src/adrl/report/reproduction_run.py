@@ -9,15 +9,16 @@ from adrl.report.reproduction import Results
 def run_lines(results: Results) -> list[str]:
     """A table for the head of the page."""
     sessions: list[dict[str, Any]] = results.about.get("sessions", [])
-    trainings = {(r["scenario"], r["method"], r["seed"]): r["train_seconds"] or 0.0 for r in results.runs}
-    trained = sum(seed is not None for _, _, seed in trainings)
+    trained = [run for run in results.runs if run["seed"] is not None]
+    # Each has several evaluations.
+    seconds = {(run["scenario"], run["method"], run["seed"]): run["train_seconds"] for run in trained}
     rows = {
         "machine": _distinct(_machine(session) for session in sessions),
         "versions": _versions([*results.versions, *(session["versions"] for session in sessions)]),
         "commit": _distinct(session["commit"] or "not of a checkout" for session in sessions),
         "wall clock": _wall_clock(sessions),
         "measured by": _distinct(session["measured_by"] for session in sessions),
-        "training": f"{sum(trainings.values()) / 60.0:.0f} core-minutes in {trained} runs, evaluation left out",
+        "training": f"{sum(seconds.values()) / 60.0:.0f} core-minutes in {len(seconds)} runs, evaluation left out",
     }
     return ["| | |", "|-|-|", *(f"| {name} | {text or 'not recorded'} |" for name, text in rows.items()), ""]
 

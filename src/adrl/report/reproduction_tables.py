@@ -96,6 +96,8 @@ def _against(asked: Sequence[Criterion], paired: dict[str, list[dict[str, Any]]]
         "",
         *[f"- {found.sentence()}" for found in asked],
         "",
+        "Why it is so, as far as it is known, is in docs/reproduce.md.",
+        "",
         "ADRL less each other method, seed s paired with seed s, with 95 % bootstrap intervals over the pairs; "
         "distance, time and optimality on the tasks that both reached. Below 0 ADRL has less: fewer successes, "
         "shorter paths, less time. A*+DWA drives on the known map in both. Two intervals that do not overlap ask for "
