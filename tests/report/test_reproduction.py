@@ -17,7 +17,7 @@ from adrl.evaluation.statistics import Interval, wilson_interval
 from adrl.report import reproduction as kept
 from adrl.report.reported import ABLATIONS, LABELS, METHODS, RIVALS, TABLE_I
 from adrl.report.reproduction_claims import judged
-from adrl.report.reproduction_figures import figures, q_figure, survival
+from adrl.report.reproduction_figures import figures, methods_figure, q_figure, survival
 from adrl.report.reproduction_numbers import (
     beside_planner,
     hard_worlds,
@@ -380,6 +380,24 @@ def test_a_run_that_is_never_steady_counts_with_all_its_episodes() -> None:
     assert steady_or_end({"episode": 10.0 * rows, "q_mean": np.minimum(rows, 10.0)}) == 120.0
     wild = {"episode": 10.0 * rows, "q_mean": np.r_[np.zeros(15), 9.0, -9.0, 30.0, 50.0, 90.0]}
     assert steady_or_end(wild) == 190.0
+
+
+def test_the_methods_figure_shows_success_with_the_replanner_below_that_without(tmp_path: Path) -> None:
+    folder = keep_all(tmp_path)
+    for method, rate in (("adrl", 0.25), ("td3", 0.5)):
+        for seed in range(SEEDS):
+            path = folder / "clutter" / job_name(method, seed) / "run.json"
+            run = json.loads(path.read_text())
+            for evaluation in run["evaluations"]:
+                evaluation["success"] = rate if evaluation["guidance"] == "replan" else 0.75
+            path.write_text(json.dumps(run))
+    axes = methods_figure(kept.load(folder)).axes[0]
+    marks = [line for line in axes.lines if line.get_marker() == "o"]
+    dots = [(float(np.ravel(mark.get_xdata())[0]), float(np.ravel(mark.get_ydata())[0])) for mark in marks]
+    without = {METHODS[int(y)]: x for x, y in dots if y == int(y)}
+    with_it = {METHODS[int(y)]: x for x, y in dots if y != int(y)}
+    assert set(without) == set(with_it) == set(METHODS)
+    assert (without["adrl"], with_it["adrl"], without["td3"], with_it["td3"]) == (75.0, 25.0, 75.0, 50.0)
 
 
 def test_survival_falls_by_a_seed_at_each_time() -> None:

@@ -131,8 +131,8 @@ def criteria(results: Results, scenario: str) -> list[Criterion]:
         if rivals:
             found.append(_success_criterion(results, scenario, guidance, rivals))
         if PLANNER in rivals:
-            for metric, name, unit in (("time_s", "time", " s"), ("optimality", "optimality", "")):
-                found.append(_no_worse(rivals[PLANNER], metric, name, unit))
+            found.append(_no_worse(rivals[PLANNER], "time_s", "time", 2, " s"))
+            found.append(_no_worse(rivals[PLANNER], "optimality", "optimality", 3))
     return found
 
 
@@ -157,13 +157,13 @@ def _success_criterion(
     )
 
 
-def _no_worse(row: Mapping[str, Any], metric: str, name: str, unit: str) -> Criterion:
+def _no_worse(row: Mapping[str, Any], metric: str, name: str, decimals: int, unit: str = "") -> Criterion:
     estimate, low, high = (row[metric + end] for end in ("", "_low", "_high"))
     verdict = "undecided"
     if low is not None and (high <= 0.0 or low > 0.0):
         verdict = "yes" if high <= 0.0 else "no"
-    ends = "" if low is None else f" [{low:+.2f}, {high:+.2f}]"
-    number = "no task in common" if estimate is None else f"{estimate:+.2f}{unit}{ends}"
+    ends = "" if low is None else f" [{low:+.{decimals}f}, {high:+.{decimals}f}]"
+    number = "no task in common" if estimate is None else f"{estimate:+.{decimals}f}{unit}{ends}"
     return Criterion(
         row["scenario"],
         row["guidance"],

@@ -171,7 +171,7 @@ def _success_cells(row: dict[str, Any]) -> list[str]:
 def _claims(results: Results, verdicts: Sequence[Claim]) -> list[str]:
     words = Counter(verdict.word for claim in verdicts for verdict in claim.verdicts)
     unjudged = sum(bool(claim.why_not) for claim in verdicts)
-    counted = ", ".join(f"{count} {word}" for word, count in words.most_common())
+    counted = ", ".join(f"{word} {count}" for word, count in words.most_common())
     lines = [
         CLAIMS_NOTE,
         "",
@@ -290,7 +290,7 @@ def _figure_lines(results: Results) -> list[str]:
         "success": "Success against environment steps and wall clock.",
         "promised-and-realised": "What each critic promises from the validation starts, and the return that came.",
         "survival": "Share of the seeds that have not reached a level of success.",
-        "methods": "Interquartile mean, worst worlds, probability of improvement.",
+        "methods": "Interquartile mean without and with the replanner, worst worlds, probability of improvement.",
     }
     return [
         f"![{notes.get(name, 'Fig. 7: routes of the first seed on the same tasks.')}]({name}.png)\n"
