@@ -37,7 +37,7 @@ from adrl.report.reproduction_statements import claims, steady_or_end
 from adrl.report.reproduction_tables import write_report
 
 TASKS, ROWS, SEEDS = 40, 20, 2
-SESSIONS = [
+CALLS = [
     {"wall_s": wall_s, "jobs": jobs, "cores": 2, "machine": "a machine", "versions": {"torch": "1.2"}}
     | {"commit": "abc", "measured_by": "adrl reproduce"}
     for wall_s, jobs in ((3600.0, 10), (125.4, 5))
@@ -68,7 +68,7 @@ def keep_all(out: Path, seeds: dict[str, int] | None = None) -> Path:
     about: dict[str, Any] = {"title": "scenario clutter", "guidance": "goal", "evaluated": ["goal", "replan"]}
     about |= {"steps": 1000, "seeds": SEEDS, "episodes": TASKS, "split": "test", "robot": "diffbot"}
     about["jobs"] = ["astar-dwa", *(job_name(m, s) for m in METHODS for s in range(SEEDS))]
-    head: dict[str, Any] = {"schema_version": 2, "preset": "quick", "sessions": SESSIONS}
+    head: dict[str, Any] = {"schema_version": 2, "preset": "quick", "calls": CALLS}
     (out / "about.json").write_text(json.dumps(head | {"scenarios": {"clutter": about}}))
     return out
 
@@ -348,13 +348,13 @@ def test_no_claim_of_mean_q_goes_without_its_caveat(results: kept.Results) -> No
     assert "value estimate V" in claim_of(results, "PPO oscillates late").sentence()
 
 
-def test_the_head_tells_the_sum_of_the_sessions_and_what_was_not_recorded(results: kept.Results) -> None:
+def test_the_head_tells_the_sum_of_the_calls_and_what_was_not_recorded(results: kept.Results) -> None:
     told = "\n".join(run_lines(results))
     assert "| machine | 2 cores of a machine |" in told
-    assert "| wall clock | 1 h 2 min 5 s, 15 jobs, 2 sessions together |" in told
+    assert "| wall clock | 1 h 2 min 5 s, 15 jobs, 2 calls together |" in told
     assert "| versions | python 3.11.7, torch 1.2 |" in told
     assert "| training | 14 core-minutes in 14 runs, evaluation left out |" in told, "a minute each"
-    plain = {key: value for key, value in results.about.items() if key != "sessions"}
+    plain = {key: value for key, value in results.about.items() if key != "calls"}
     told = "\n".join(run_lines(replace(results, about=plain)))
     assert "| wall clock | not recorded |" in told
     assert "| commit | not recorded |" in told
@@ -431,7 +431,7 @@ def test_the_report_holds_every_figure_and_the_papers_numbers(folder: Path) -> N
     assert "value estimate" in page
     row = "| 92.5 [92.5, 92.5] | 10.0 | 10.0 | 92.5 [92.5, 92.5] | 10.0 | 10.0 | +0.0 [+0.0, +0.0] |"
     assert all(f"| {LABELS[method]} | 2 {row}" in page for method in METHODS)
-    assert "1 h 2 min 5 s, 15 jobs, 2 sessions together" in page
+    assert "1 h 2 min 5 s, 15 jobs, 2 calls together" in page
     assert "2 seeds are too few" in page
     tables = json.loads((folder / "tables.json").read_text())
     assert tables["paper"]["rows"] == TABLE_I

@@ -10,12 +10,12 @@ import numpy as np
 from adrl import files
 from adrl.agents.config import TrainConfig
 from adrl.agents.metrics import METRICS_FILE
+from adrl.comparison.calls import Call
 from adrl.comparison.compare import claim, compare
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.jobs import EPISODES_FILE, ROUTES_FILE, Job, all_jobs, is_finished
 from adrl.comparison.pool import cores
 from adrl.comparison.results import read_runs
-from adrl.comparison.sessions import Session
 from adrl.evaluation.results import read_table, write_table
 from adrl.report import reproduction as kept
 from adrl.report.metrics_log import read_metrics
@@ -72,10 +72,10 @@ def reproduce(
     placed = {scenario: replace(config, out=out / scenario) for scenario, config in comparisons.items()}
     for scenario, config in placed.items():
         claim(config, results / scenario)
-    about, earlier = _about(placed, name), _sessions(results)
+    about, earlier = _about(placed, name), _calls(results)
 
-    def record(*sessions: dict[str, Any]) -> None:
-        content = about | {"sessions": [*earlier, *sessions]}
+    def record(*calls: dict[str, Any]) -> None:
+        content = about | {"calls": [*earlier, *calls]}
         files.write_json(results / kept.ABOUT_FILE, content)
 
     def kept_now() -> int:
@@ -88,28 +88,28 @@ def reproduce(
         keep(config, results / scenario)  # of a call that was killed before it came to that
     before = kept_now()
     first = next(iter(placed.values()))
-    session = Session(record, None if first.ray else len(cores(first)))
+    call = Call(record, None if first.ray else len(cores(first)))
     for scenario, config in placed.items():
 
         def tell(_: int, running: int, __: int, scenario: str = scenario) -> None:
             keep(placed[scenario], results / scenario)
             done = kept_now()
-            session.tell(done - before, running)
+            call.tell(done - before, running)
             if on_change is not None:
                 on_change(done, running, total)
 
         try:
             result = compare(config, tell, elsewhere=kept_jobs(config, results / scenario))
         finally:
-            session.close()
+            call.close()
         failed |= {f"{scenario}/{job}": log for job, log in result.failed.items()}
     return failed
 
 
-def _sessions(results: Path) -> list[dict[str, Any]]:
+def _calls(results: Path) -> list[dict[str, Any]]:
     """Of earlier calls."""
     path = results / kept.ABOUT_FILE
-    return read_json(path).get("sessions", []) if path.exists() else []
+    return read_json(path).get("calls", []) if path.exists() else []
 
 
 def kept_jobs(config: CompareConfig, folder: Path) -> list[Job]:

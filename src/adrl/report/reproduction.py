@@ -1,6 +1,6 @@
 """The kept results of `adrl reproduce`: small files from which every figure and table is made, without a checkpoint.
 
-about.json                       the preset: scenarios, budgets, and its jobs; the sessions that ran them
+about.json                       the preset: scenarios, budgets, and its jobs; the calls that ran them
 SCENARIO/settings.json           what all results of the scenario share; see adrl.comparison.compare.claim
 SCENARIO/JOB/run.json            method, seed, versions, and the metrics of each evaluation; written last
 SCENARIO/JOB/curve.parquet       rows of the training log

@@ -8,24 +8,24 @@ from adrl.report.reproduction import Results
 
 def run_lines(results: Results) -> list[str]:
     """A table for the head of the page."""
-    sessions: list[dict[str, Any]] = results.about.get("sessions", [])
+    calls: list[dict[str, Any]] = results.about.get("calls", [])
     trained = [run for run in results.runs if run["seed"] is not None]
     # Each has several evaluations.
     seconds = {(run["scenario"], run["method"], run["seed"]): run["train_seconds"] for run in trained}
     rows = {
-        "machine": _distinct(_machine(session) for session in sessions),
-        "versions": _versions([*results.versions, *(session["versions"] for session in sessions)]),
-        "commit": _distinct(session["commit"] or "not of a checkout" for session in sessions),
-        "wall clock": _wall_clock(sessions),
-        "measured by": _distinct(session["measured_by"] for session in sessions),
+        "machine": _distinct(_machine(call) for call in calls),
+        "versions": _versions([*results.versions, *(call["versions"] for call in calls)]),
+        "commit": _distinct(call["commit"] or "not of a checkout" for call in calls),
+        "wall clock": _wall_clock(calls),
+        "measured by": _distinct(call["measured_by"] for call in calls),
         "training": f"{sum(seconds.values()) / 60.0:.0f} core-minutes in {len(seconds)} runs, evaluation left out",
     }
     return ["| | |", "|-|-|", *(f"| {name} | {text or 'not recorded'} |" for name, text in rows.items()), ""]
 
 
-def _machine(session: dict[str, Any]) -> str:
-    cores = "a Ray cluster, started from" if session["cores"] is None else f"{session['cores']} cores of"
-    return f"{cores} {session['machine']}"
+def _machine(call: dict[str, Any]) -> str:
+    cores = "a Ray cluster, started from" if call["cores"] is None else f"{call['cores']} cores of"
+    return f"{cores} {call['machine']}"
 
 
 def _versions(several: list[dict[str, str]]) -> str:
@@ -36,14 +36,14 @@ def _versions(several: list[dict[str, str]]) -> str:
     return ", ".join(f"{name} {' and '.join(kinds)}" for name, kinds in found.items())
 
 
-def _wall_clock(sessions: list[dict[str, Any]]) -> str:
-    if not sessions:
+def _wall_clock(calls: list[dict[str, Any]]) -> str:
+    if not calls:
         return ""
-    minutes, seconds = divmod(round(sum(session["wall_s"] for session in sessions)), 60)
+    minutes, seconds = divmod(round(sum(call["wall_s"] for call in calls)), 60)
     hours, minutes = divmod(minutes, 60)
-    jobs = sum(session["jobs"] for session in sessions)
-    calls = "1 session" if len(sessions) == 1 else f"{len(sessions)} sessions together"
-    return f"{hours} h {minutes} min {seconds} s, {jobs} jobs, {calls}"
+    jobs = sum(call["jobs"] for call in calls)
+    count = "1 call" if len(calls) == 1 else f"{len(calls)} calls together"
+    return f"{hours} h {minutes} min {seconds} s, {jobs} jobs, {count}"
 
 
 def _distinct(texts: Iterable[str]) -> str:

@@ -13,12 +13,12 @@ import adrl
 from adrl.runs import versions
 
 INTERVAL_S = 30.0
-"""A killed session's record lacks at most this much of it."""
+"""A killed call's record lacks at most this much of it."""
 EXTRAS = ("stable_baselines3", "torch")
 """What the baselines run on, beside what versions() names."""
 
 
-class Session:
+class Call:
     """One call, from its construction on. It is written when jobs run, and again and again while they do."""
 
     def __init__(self, write: Callable[[dict[str, Any]], None], cores: int | None) -> None:
@@ -34,7 +34,7 @@ class Session:
         }
 
     def tell(self, ended: int, running: int) -> None:
-        """Hears how many jobs have ended in this session, and how many run. One in which none ran leaves no record."""
+        """Hears how many jobs have ended in this call, and how many run. One in which none ran leaves no record."""
         first = self._jobs is None
         if first and not running and not ended:
             return
