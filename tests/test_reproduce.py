@@ -2,8 +2,10 @@
 
 import json
 import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +13,8 @@ import pytest
 from adrl.agents.config import Td3Config, TrainConfig
 from adrl.baselines.tuned import TUNED
 from adrl.commands import reproduce as commands
+from adrl.comparison import calls
+from adrl.comparison.calls import Call
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.reproduce import preset, reproduce
 from adrl.errors import ConfigError
@@ -68,6 +72,64 @@ def test_one_preset_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert not (tmp_path / "out").exists()
 
 
+def test_a_call_is_recorded_while_its_jobs_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The record is there before the end, so that a kill leaves it; a call that runs nothing leaves none."""
+    clock = [100.0]
+    monkeypatch.setattr(calls.time, "monotonic", lambda: clock[0])
+    written: list[dict[str, Any]] = []
+
+    def wait(seconds: float, ended: int, running: int) -> None:
+        clock[0] += seconds
+        call.tell(ended, running)
+
+    call = Call(written.append, cores=2)
+    wait(5.0, 0, 0)
+    call.close()
+    assert written == [], "nothing ran"
+    wait(1.0, 0, 2)
+    assert [(r["wall_s"], r["jobs"]) for r in written] == [(6.0, 0)]
+    wait(4.0, 0, 2)
+    assert len(written) == 1, "not at every look"
+    wait(2.0, 1, 2)
+    assert (written[-1]["wall_s"], written[-1]["jobs"]) == (12.0, 1), "a job has ended"
+    wait(calls.INTERVAL_S, 1, 1)
+    assert written[-1]["wall_s"] == 12.0 + calls.INTERVAL_S, "a long job"
+    clock[0] += 3.0
+    call.close()
+    assert written[-1]["wall_s"] == 15.0 + calls.INTERVAL_S
+    assert written[-1]["cores"] == 2
+    assert {"python", "jax", "numpy", "adrl"} <= written[-1]["versions"].keys()
+
+
+def test_the_commit_is_that_of_the_packages_own_checkout(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Named when files differ from it; a package that lies untracked in another's repository has none."""
+
+    def git(*arguments: str) -> str:
+        identity = ("-c", "user.name=nobody", "-c", "user.email=nobody@localhost")
+        done = subprocess.run(
+            ["git", *identity, *arguments], cwd=tmp_path, check=True, capture_output=True, text=True
+        )
+        return done.stdout.strip()
+
+    package = tmp_path / "adrl" / "__init__.py"
+    package.parent.mkdir()
+    package.write_text("")
+    monkeypatch.setattr(calls.adrl, "__file__", str(package))
+    assert calls.commit() is None, "no repository"
+    git("init", "--quiet")
+    (tmp_path / "other").write_text("")
+    git("add", "other")
+    git("commit", "--quiet", "-m", "first")
+    assert calls.commit() is None, "not of this repository"
+    git("add", "adrl")
+    git("commit", "--quiet", "-m", "second")
+    assert calls.commit() == git("rev-parse", "HEAD")
+    package.write_text("changed = True\n")
+    assert calls.commit() == git("rev-parse", "HEAD") + "-dirty"
+
+
 @pytest.mark.slow
 @pytest.mark.integration
 def test_what_is_kept_is_what_was_run(tmp_path: Path) -> None:
@@ -96,7 +158,12 @@ def test_what_is_kept_is_what_was_run(tmp_path: Path) -> None:
     write_report(out)
     assert (out / "fig7-routes-complex-replan.pdf").exists()
 
+    (call,) = results.about["calls"]
+    assert call["jobs"] == 6
+    assert call["wall_s"] > sum(curve["wall_s"][-1] for curve in results.curves.values()) / call["cores"]
+
     before = contents(out)
+    about = (out / "about.json").read_bytes()
     tables = (out / "tables.json").read_bytes()
     reproduce(comparisons, tmp_path, out, name="quick")
     write_report(out)
@@ -105,6 +172,7 @@ def test_what_is_kept_is_what_was_run(tmp_path: Path) -> None:
         path: before[path] for path in before if path.endswith(DATA)
     }
     assert (out / "tables.json").read_bytes() == tables, "equal results, equal tables"
+    assert (out / "about.json").read_bytes() == about, "a call that runs nothing leaves no record"
 
 
 @pytest.mark.slow
@@ -125,6 +193,7 @@ def test_the_kept_files_alone_suffice_to_go_on(tmp_path: Path, monkeypatch: pyte
     assert {path.parent.name for path in second.glob("clutter/*/summary.json")} == {"td3-s1", "sb3-ppo-s1"}
     assert {job: contents(results / "clutter" / job) for job in ended} == ended
     whole = kept.load(results)
+    assert [call["jobs"] for call in whole.about["calls"]] == [3, 2], "that of the call before stays"
     assert whole.missing == {"clutter": []}
     assert [whole.seeds("clutter", method) for method in ("td3", "sb3-ppo")] == [2, 2]
     assert "not in it yet" not in (results / "README.md").read_text()

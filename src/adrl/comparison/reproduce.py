@@ -10,14 +10,17 @@ import numpy as np
 from adrl import files
 from adrl.agents.config import TrainConfig
 from adrl.agents.metrics import METRICS_FILE
+from adrl.comparison.calls import Call
 from adrl.comparison.compare import claim, compare
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.jobs import EPISODES_FILE, ROUTES_FILE, Job, all_jobs, is_finished
+from adrl.comparison.pool import cores
 from adrl.comparison.results import read_runs
 from adrl.evaluation.results import read_table, write_table
 from adrl.report import reproduction as kept
 from adrl.report.metrics_log import read_metrics
 from adrl.report.reported import METHODS
+from adrl.report.source import read_json
 from adrl.runs import versions
 
 if TYPE_CHECKING:
@@ -69,21 +72,44 @@ def reproduce(
     placed = {scenario: replace(config, out=out / scenario) for scenario, config in comparisons.items()}
     for scenario, config in placed.items():
         claim(config, results / scenario)
-    files.write_json(results / kept.ABOUT_FILE, _about(placed, name))
+    about, earlier = _about(placed, name), _calls(results)
+
+    def record(*calls: dict[str, Any]) -> None:
+        content = about | {"calls": [*earlier, *calls]}
+        files.write_json(results / kept.ABOUT_FILE, content)
+
+    def kept_now() -> int:
+        return sum(len(kept_jobs(config, results / scenario)) for scenario, config in placed.items())
+
+    record()
     total = sum(len(all_jobs(config)) for config in placed.values())
     failed: dict[str, Path] = {}
+    for scenario, config in placed.items():
+        keep(config, results / scenario)  # of a call that was killed before it came to that
+    before = kept_now()
+    first = next(iter(placed.values()))
+    call = Call(record, None if first.ray else len(cores(first)))
     for scenario, config in placed.items():
 
         def tell(_: int, running: int, __: int, scenario: str = scenario) -> None:
             keep(placed[scenario], results / scenario)
+            done = kept_now()
+            call.tell(done - before, running)
             if on_change is not None:
-                done = sum(len(kept_jobs(config, results / s)) for s, config in placed.items())
                 on_change(done, running, total)
 
-        keep(config, results / scenario)  # of a call that was killed before it came to that
-        result = compare(config, tell, elsewhere=kept_jobs(config, results / scenario))
+        try:
+            result = compare(config, tell, elsewhere=kept_jobs(config, results / scenario))
+        finally:
+            call.close()
         failed |= {f"{scenario}/{job}": log for job, log in result.failed.items()}
     return failed
+
+
+def _calls(results: Path) -> list[dict[str, Any]]:
+    """Of earlier calls."""
+    path = results / kept.ABOUT_FILE
+    return read_json(path).get("calls", []) if path.exists() else []
 
 
 def kept_jobs(config: CompareConfig, folder: Path) -> list[Job]:

@@ -7,9 +7,6 @@ SOURCE = (
     'Replanning", Table I: five methods in complex environments'
 )
 
-METRICS = ("distance_m", "time_s", "success", "optimality")
-"""Av.D(m), Av.T(s), Succ.rate and Optimality, under the names of our results."""
-
 TABLE_I: dict[str, dict[str, float]] = {
     "astar-dwa": {"distance_m": 21.42, "time_s": 44.33, "success": 0.92, "optimality": 1.02},
     "td3bc": {"distance_m": 21.84, "time_s": 42.41, "success": 0.83, "optimality": 1.04},
@@ -17,7 +14,7 @@ TABLE_I: dict[str, dict[str, float]] = {
     "sb3-ppo": {"distance_m": 22.46, "time_s": 41.55, "success": 0.86, "optimality": 1.07},
     "adrl": {"distance_m": 21.41, "time_s": 39.62, "success": 0.97, "optimality": 1.02},
 }
-"""Our method's name -> the paper's row."""
+"""Our method's name -> the paper's row: Av.D(m), Av.T(s), Succ.rate and Optimality under the names of our results."""
 
 LABELS: dict[str, str] = {
     "adrl": "ADRL",
@@ -31,6 +28,7 @@ LABELS: dict[str, str] = {
 }
 """Our method's name -> the paper's."""
 
+OURS, PLANNER = "adrl", "astar-dwa"
 ABLATIONS = ("adrl", "rl-bc", "rl-reward", "td3")
 """The methods of Fig. 4."""
 RIVALS = ("adrl", "td3bc", "sb3-sac", "sb3-ppo")

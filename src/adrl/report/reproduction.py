@@ -1,6 +1,6 @@
 """The kept results of `adrl reproduce`: small files from which every figure and table is made, without a checkpoint.
 
-about.json                       the preset: scenarios, budgets, and the jobs that belong to it
+about.json                       the preset: scenarios, budgets, and its jobs; the calls that ran them
 SCENARIO/settings.json           what all results of the scenario share; see adrl.comparison.compare.claim
 SCENARIO/JOB/run.json            method, seed, versions, and the metrics of each evaluation; written last
 SCENARIO/JOB/curve.parquet       rows of the training log
@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.errors import CheckpointError
+from adrl.evaluation.statistics import Interval
 
 Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
@@ -60,6 +61,8 @@ class Results:
     """(scenario, method, guidance) -> columns task, x_m, y_m of each position."""
     missing: dict[str, list[str]]
     """Scenario -> its jobs that have no result yet."""
+    versions: list[dict[str, str]]
+    """Of the software that made them, each set of versions once."""
 
     @property
     def scenarios(self) -> tuple[str, ...]:
@@ -75,10 +78,14 @@ class Results:
         """How many trainings of a method there are."""
         return len(self.curves_of(scenario, method))
 
+    def curves_by_seed(self, scenario: str, method: str) -> dict[int, dict[str, Array]]:
+        """Seed -> its log, in the order of the seeds."""
+        found = {key[2]: curve for key, curve in self.curves.items() if key[:2] == (scenario, method)}
+        return dict(sorted(found.items()))
+
     def curves_of(self, scenario: str, method: str) -> list[dict[str, Array]]:
         """The logs of a method's seeds, in their order."""
-        found = [(key[2], curve) for key, curve in self.curves.items() if key[:2] == (scenario, method)]
-        return [curve for _, curve in sorted(found, key=lambda entry: entry[0])]
+        return list(self.curves_by_seed(scenario, method).values())
 
     def methods_of(self, scenario: str, methods: Sequence[str]) -> list[str]:
         """Those of the methods that have a log in the scenario."""
@@ -101,7 +108,7 @@ class Results:
 def load(folder: Path) -> Results:
     """Read a results folder, however many jobs are in it. Raises CheckpointError naming a file that is malformed."""
     about = _json(folder / ABOUT_FILE)
-    results = Results(about, [], {}, {}, {}, {})
+    results = Results(about, [], {}, {}, {}, {}, [])
     for scenario, preset in about["scenarios"].items():
         kept = [name for name in preset["jobs"] if (folder / scenario / name / RUN_FILE).exists()]
         results.missing[scenario] = [name for name in preset["jobs"] if name not in kept]
@@ -119,6 +126,8 @@ def _add_job(results: Results, scenario: str, folder: Path) -> None:
         method, seed = run["method"], run["seed"]
         whose = {"scenario": scenario, "method": method, "seed": seed}
         results.runs.extend(whose | evaluation for evaluation in run["evaluations"])
+        if run["versions"] not in results.versions:
+            results.versions.append(run["versions"])
     except (KeyError, TypeError) as error:
         raise CheckpointError(f"{path}: not a run that adrl reproduce kept ({error!r}); delete it") from None
     number = NO_SEED if seed is None else int(seed)
@@ -170,3 +179,9 @@ def _table(path: Path) -> Columns:
 def finite(value: float | None) -> float | None:
     """None for NaN and infinity, which JSON does not have."""
     return None if value is None or not math.isfinite(value) else float(value)
+
+
+def entry(name: str, interval: Interval | None) -> dict[str, float | None]:
+    """An interval as a row has it: the estimate under its name, its ends under NAME_low and NAME_high."""
+    values = (None, None, None) if interval is None else interval
+    return {name + end: finite(value) for end, value in zip(("", "_low", "_high"), values, strict=True)}

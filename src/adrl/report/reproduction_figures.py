@@ -15,13 +15,11 @@ from matplotlib.typing import LineStyleType
 from adrl.evaluation.learning_time import median_seconds_to_level
 from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
 from adrl.report.figures import EDGE, PALETTE, RoutePanel, blank_figure, line_style, routes_figure, save
-from adrl.report.reported import ABLATIONS, LABELS, METHODS, RIVALS
+from adrl.report.reported import ABLATIONS, LABELS, METHODS, OURS, PLANNER, RIVALS
 from adrl.report.reproduction import Array, Results
 from adrl.report.reproduction_numbers import (
     HARD_SHARE,
     LEVELS,
-    OURS,
-    PLANNER,
     hard_worlds,
     steady_episodes,
     success_on,
@@ -35,6 +33,8 @@ _VALUES: tuple[tuple[str, tuple[str, LineStyleType], str], ...] = (
     ("q_start", (PALETTE[0], "-"), "promised"),
     ("return_start", (PALETTE[1], "--"), "realised"),
 )
+REPLANNED, OPEN = "replan", 0.28
+"""Guidance of the evaluation with the replanner, and how far below the other its dots are, in places."""
 POINTS = 60
 """Places along the x axis where curves of several seeds are averaged."""
 Curve = Mapping[str, Array]
@@ -224,7 +224,12 @@ def methods_figure(results: Results) -> Figure:
         hard = hard_worlds(results, scenario)
         labels = {name: _label(results, scenario, name) for name in names}
         _intervals(row[0], {name: seed_iqm(success[name]) for name in names}, labels)
-        _axes(row[0], f"{scenario}: success on test tasks, IQM, %", "")
+        title = f"{scenario}: success, IQM, %"
+        if guidance != REPLANNED and REPLANNED in results.about["scenarios"][scenario]["evaluated"]:
+            helped = {name: results.values(scenario, name, REPLANNED, "success") for name in names}
+            _intervals(row[0], {name: seed_iqm(helped[name]) for name in names}, labels, OPEN)
+            title += " (open: with replanner)"
+        _axes(row[0], title, "")
         _intervals(
             row[1], {name: seed_mean(success_on(results, scenario, name, hard)) for name in names}, labels
         )
@@ -239,12 +244,18 @@ def methods_figure(results: Results) -> Figure:
     return figure
 
 
-def _intervals(axes: Axes, values: Mapping[str, Interval], labels: Mapping[str, str]) -> None:
+def _intervals(
+    axes: Axes, values: Mapping[str, Interval], labels: Mapping[str, str], below: float = 0.0
+) -> None:
+    """A dot a method with its interval; an open one, that much below its place, where it is the second there."""
     for place, (name, (estimate, low, high)) in enumerate(values.items()):
         colour, _ = _style(name)
         if np.isfinite(low):
-            axes.plot([100.0 * low, 100.0 * high], [place, place], color=colour, linewidth=2.0)
-        axes.plot(100.0 * estimate, place, "o", color=colour, markersize=5)
+            axes.plot([100.0 * low, 100.0 * high], [place + below] * 2, color=colour, linewidth=2.0)
+        fill = "white" if below else colour
+        axes.plot(
+            100.0 * estimate, place + below, "o", color=colour, markerfacecolor=fill, markersize=5, zorder=3
+        )
     axes.set_yticks(range(len(values)), [labels[name] for name in values], fontsize=8)
     axes.set_ylim(max(len(values), 1) - 0.4, -0.6)
 

@@ -1,8 +1,7 @@
-"""What the kept results of `adrl reproduce` say in numbers: Table I, learning times, the paper's claims."""
+"""What the kept results of `adrl reproduce` say in numbers: Table I, success of every method, learning times."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,25 +12,25 @@ from adrl.evaluation.learning_time import (
     median_seconds_to_level,
     seconds_to_level,
     steady_from,
-    steady_level,
 )
-from adrl.evaluation.metrics import COMMON, means_on_common_tasks
+from adrl.evaluation.metrics import COMMON, OVER_SUCCESSES, means_on_common_tasks
 from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
-from adrl.report.reported import ABLATIONS, LABELS, METHODS, RIVALS, TABLE_I
-from adrl.report.reported import METRICS as PAPER_METRICS
-from adrl.report.reproduction import NO_SEED, Array, Results, finite
+from adrl.report.reported import METHODS, OURS, PLANNER, TABLE_I
+from adrl.report.reproduction import NO_SEED, Array, Columns, Results, entry, finite
+from adrl.report.reproduction_pairs import difference, planner_interval, success_interval
 
 LEVELS = (0.8, 0.95)
 """Success whose learning time is told."""
 HARD_SHARE = 0.05
 """Share of the test worlds that count as the worst."""
-OURS, PLANNER = "adrl", "astar-dwa"
+Curve = Mapping[str, Array]
 
 
 def table_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
     """Our side of Table I in a scenario: a row for each method and guidance, means over seeds with 95 % intervals.
 
-    A learned method's also has what beside_planner says.
+    The planner has no seeds: its intervals are over its episodes. A learned method's row also has what beside_planner
+    says.
     """
     rows = []
     for method in TABLE_I:
@@ -41,9 +40,15 @@ def table_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
                 continue
             row: dict[str, Any] = {"scenario": scenario, "method": method, "guidance": guidance}
             row["seeds"] = None if method == PLANNER else len(success)
-            for metric in (*PAPER_METRICS, "collision", "timeout"):
-                row |= _entry(metric, seed_mean(results.values(scenario, method, guidance, metric)))
-            if method != PLANNER:
+            row |= entry("success", success_interval(results, scenario, method, guidance))
+            for metric in ("collision", "timeout"):
+                row |= entry(metric, seed_mean(results.values(scenario, method, guidance, metric)))
+            if method == PLANNER:
+                run = results.outcomes(scenario, method, guidance)[NO_SEED]
+                row |= _entries({metric: planner_interval(run, metric) for metric in OVER_SUCCESSES})
+            else:
+                means = {m: results.values(scenario, method, guidance, m) for m in OVER_SUCCESSES}
+                row |= _entries({metric: seed_mean(values) for metric, values in means.items()})
                 row |= beside_planner(results, scenario, method, guidance)
             rows.append(row)
     return rows
@@ -58,6 +63,53 @@ def beside_planner(results: Results, scenario: str, method: str, guidance: str) 
     return {key: finite(float(np.mean([e[key] for e in known]))) if known else None for key in COMMON}
 
 
+def success_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
+    """Success of every trained method in each evaluation, with intervals over seeds, and the planner's over episodes.
+
+    `success_GUIDANCE`, and the means `collision_GUIDANCE` and `timeout_GUIDANCE`. Where a method was driven without the
+    replanner and with it, also `gain`: with it less without it, seed by seed; `freed`: of its timeouts without it, the
+    share that it solved with it.
+    """
+    rows = []
+    for method in (*METHODS, PLANNER):
+        evaluated = ("map",) if method == PLANNER else results.about["scenarios"][scenario]["evaluated"]
+        runs = {guidance: results.outcomes(scenario, method, guidance) for guidance in evaluated}
+        if not any(runs.values()):
+            continue
+        row: dict[str, Any] = {"scenario": scenario, "method": method}
+        row["seeds"] = None if method == PLANNER else max(len(by_seed) for by_seed in runs.values())
+        for guidance in evaluated:
+            row |= entry(f"success_{guidance}", success_interval(results, scenario, method, guidance))
+            for ending in ("collision", "timeout"):
+                values = results.values(scenario, method, guidance, ending)
+                row[f"{ending}_{guidance}"] = finite(float(np.mean(values))) if values else None
+        if {"goal", "replan"} <= set(evaluated):
+            without, with_it = (
+                {seed: float(run["success"].mean()) for seed, run in runs[guidance].items()}
+                for guidance in ("goal", "replan")
+            )
+            row |= entry("gain", difference(with_it, without))
+            row |= entry("freed", seed_mean(_freed(runs["goal"], runs["replan"])))
+        rows.append(row)
+    return rows
+
+
+def _freed(without: Mapping[int, Columns], with_it: Mapping[int, Columns]) -> list[float]:
+    """Of the tasks that ran out of time without the replanner, the share solved with it: of each seed that has any."""
+    stuck = {seed: ~run["success"] & ~run["collision"] for seed, run in without.items()}
+    return [
+        float(with_it[seed]["success"][rows].mean())
+        for seed, rows in stuck.items()
+        if rows.any() and seed in with_it
+    ]
+
+
+def _entries(intervals: Mapping[str, Interval]) -> dict[str, float | None]:
+    return {
+        key: value for name, interval in intervals.items() for key, value in entry(name, interval).items()
+    }
+
+
 def summary_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
     """One row a trained method, evaluated as trained: what matters more than mean Q."""
     guidance = results.trained_with(scenario)
@@ -67,10 +119,10 @@ def summary_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
     for method in results.methods_of(scenario, METHODS):
         success = results.values(scenario, method, guidance, "success")
         row: dict[str, Any] = {"scenario": scenario, "method": method, "seeds": len(success)}
-        row |= _entry("success", seed_mean(success)) | _entry("success_iqm", seed_iqm(success))
-        row |= _entry("hard_success", seed_mean(success_on(results, scenario, method, hard)))
+        row |= entry("success", seed_mean(success)) | entry("success_iqm", seed_iqm(success))
+        row |= entry("hard_success", seed_mean(success_on(results, scenario, method, hard)))
         rival = None if method == OURS else probability_of_improvement(ours, success)
-        row |= _entry("improvement", rival)
+        row |= entry("improvement", rival)
         for metric in ("env_steps", "gradient_updates", "train_seconds"):
             values = results.values(scenario, method, guidance, metric)
             row[metric] = finite(float(np.mean(values))) if values else None
@@ -119,7 +171,7 @@ def success_on(results: Results, scenario: str, method: str, tasks: NDArray[np.i
     return [float(run["success"][tasks].mean()) for _, run in sorted(runs.items())]
 
 
-def oscillation(curve: Mapping[str, Array]) -> float:
+def oscillation(curve: Curve) -> float:
     """Mean |Q - trailing mean of Q| over the last half of a log, as a share of Q's range. NaN for a short log."""
     values = curve["q_mean"][np.isfinite(curve["q_mean"])]
     if len(values) < 2 * STEADY_ROWS or np.ptp(values) == 0.0:
@@ -129,124 +181,23 @@ def oscillation(curve: Mapping[str, Array]) -> float:
     return float(rest[len(rest) // 2 :].mean() / np.ptp(values))
 
 
-@dataclass(frozen=True)
-class Claim:
-    """A sentence of the paper that a ranking of our numbers can carry or not."""
+def late_growth(curve: Curve) -> float:
+    """Mean Q of the last tenth of a log less that of the tenth at its middle, as a share of Q's range.
 
-    where: str
-    """Table or figure, and our scenario."""
-    text: str
-    methods: tuple[str, ...]
-    """The methods it is about."""
-    best: str
-    """max or min: what one of theirs must be among all."""
-    values: dict[str, float]
-    """Method -> mean or median over seeds. Infinite: never."""
-    unit: str
-
-    @property
-    def holds(self) -> bool | None:
-        """Whether one of theirs lies beyond all others; a tie does not. None where it was not measured."""
-        known = {name: value for name, value in self.values.items() if not math.isnan(value)}
-        theirs = [value for name, value in known.items() if name in self.methods]
-        others = [value for name, value in known.items() if name not in self.methods]
-        if not theirs or not others:
-            return None
-        return max(theirs) > max(others) if self.best == "max" else min(theirs) < min(others)
-
-    def sentence(self) -> str:
-        """The verdict with its numbers."""
-        verdict = {True: "reproduces", False: "does not reproduce", None: "was not measured"}[self.holds]
-        ordered = sorted(self.values.items(), key=lambda item: item[1], reverse=self.best == "max")
-        numbers = ", ".join(f"{LABELS[name]} {_number(value)}" for name, value in ordered)
-        return f'{self.where}: "{self.text}" {verdict} ({self.unit}: {numbers}).'
+    NaN for a log of fewer than ten rows.
+    """
+    values = curve["q_mean"][np.isfinite(curve["q_mean"])]
+    tenth, middle = len(values) // 10, len(values) // 2
+    if not tenth or np.ptp(values) == 0.0:
+        return math.nan
+    return float((values[-tenth:].mean() - values[middle : middle + tenth].mean()) / np.ptp(values))
 
 
-def claims(results: Results) -> list[Claim]:
-    """What the paper says of its table and figures, held against our means and medians over seeds."""
-    found = []
-    for scenario in results.scenarios:
-        found += _curve_claims(results, scenario)
-    scenario = results.scenarios[-1]
-    for guidance in results.about["scenarios"][scenario]["evaluated"]:
-        found += _table_claims(results, scenario, guidance)
-    return found
+def promised_too_much(curve: Curve) -> float:
+    """What a critic promises from validation starts less the return that came, mean of the first quarter of the rows.
 
-
-def _curve_claims(results: Results, scenario: str) -> list[Claim]:
-    def steady(methods: Sequence[str]) -> dict[str, float]:
-        return _means(results, scenario, methods, lambda curve: steady_level(curve["q_mean"]))
-
-    episodes = {
-        name: median_seconds_to_level(steady_episodes(results, scenario, name))
-        for name in results.methods_of(scenario, RIVALS)
-    }
-    swing = _means(results, scenario, RIVALS, oscillation)
-    ours, classics = (OURS,), ("sb3-sac", "sb3-ppo")
-    entries = [
-        (
-            "Fig. 4",
-            "ADRL has the highest steady-state mean Q of the ablations",
-            ours,
-            "max",
-            steady(ABLATIONS),
-        ),
-        ("Fig. 4", "the pure RL baseline has the lowest mean Q", ("td3",), "min", steady(ABLATIONS)),
-        ("Fig. 5", "ADRL has the highest steady-state mean Q of the methods", ours, "max", steady(RIVALS)),
-        ("Fig. 5", "ADRL oscillates least", ours, "min", swing),
-        ("Fig. 6", "ADRL needs the fewest episodes to steady-state mean Q", ours, "min", episodes),
-        ("Fig. 6", "PPO or SAC converges slowest", classics, "max", episodes),
-    ]
-    units = {"Fig. 6": "median episodes"}
-    return [
-        Claim(f"{where}, {scenario}", text, methods, best, values, units.get(where, "mean over seeds"))
-        for where, text, methods, best, values in entries
-    ]
-
-
-SHARE = "as a share of A*+DWA's, on the tasks that both reached"
-
-
-def _table_claims(results: Results, scenario: str, guidance: str) -> list[Claim]:
-    success = {
-        name: float(np.mean(values)) if values else math.nan
-        for name in TABLE_I
-        for values in [results.values(scenario, name, "map" if name == PLANNER else guidance, "success")]
-    }
-
-    def share(metric: str) -> dict[str, float]:
-        """A mean as a share of the planner's, on the tasks that both reached: a mean over easy tasks alone is short."""
-        shares = {PLANNER: 1.0}
-        for name in RIVALS:
-            means = beside_planner(results, scenario, name, guidance)
-            own, planners = means[f"{metric}_common"], means[f"reference_{metric}_common"]
-            shares[name] = math.nan if own is None or not planners else own / planners
-        return shares
-
-    where = f"Table I, {scenario}, guidance {guidance}"
-    entries = (
-        ("ADRL has the highest success rate", "max", success, "success"),
-        ("ADRL has the shortest navigation time", "min", share("time_s"), f"Av.T {SHARE}"),
-        ("ADRL has the best path quality", "min", share("optimality"), f"optimality {SHARE}"),
-    )
-    return [Claim(where, text, (OURS,), best, values, unit) for text, best, values, unit in entries]
-
-
-def _means(results: Results, scenario: str, methods: Sequence[str], of: Any) -> dict[str, float]:
-    means = {}
-    for method in results.methods_of(scenario, methods):
-        values = [of(curve) for curve in results.curves_of(scenario, method)]
-        known = [value for value in values if math.isfinite(value)]
-        means[method] = float(np.mean(known)) if known else math.nan
-    return means
-
-
-def _number(value: float) -> str:
-    if math.isnan(value):
-        return "unknown"
-    return "never" if math.isinf(value) else f"{value:.4g}"
-
-
-def _entry(name: str, interval: Interval | None) -> dict[str, float | None]:
-    values = (None, None, None) if interval is None else interval
-    return {name + end: finite(value) for end, value in zip(("", "_low", "_high"), values, strict=True)}
+    NaN without a row that has both.
+    """
+    over = curve["q_start"] - curve["return_start"]
+    over = over[np.isfinite(over)]
+    return float(over[: max(1, len(over) // 4)].mean()) if len(over) else math.nan
