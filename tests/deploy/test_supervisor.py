@@ -48,14 +48,20 @@ def commands(robot: RobotConfig, seed: int, lasting: int):
 
 @pytest.mark.slow
 @settings(max_examples=12)
-@given(robots, seeds, st.sampled_from([1, 5, 25]))
-def test_no_command_leads_to_a_collision(robot: RobotConfig, seed: int, lasting: int):
-    """Robots that start at rest could always have stopped, so none may ever hit anything."""
+@given(robots, seeds, st.sampled_from([1, 5, 25]), st.sampled_from([0.0, 0.4]))
+def test_no_command_leads_to_a_collision(robot: RobotConfig, seed: int, lasting: int, lost: float):
+    """Robots that start at rest could always have stopped, so none may ever hit anything, whichever beams are lost."""
+    rng = np.random.default_rng(seed)
+
+    def channel(scan: Scan) -> Scan:
+        told = rng.random(len(scan.ranges)) >= lost
+        return dataclasses.replace(scan, ranges=np.where(told, scan.ranges, math.nan))
+
     worlds = [
         obstacle_course(np.random.default_rng((seed, i)), robot.circumscribed_radius_m + 0.1)
         for i in range(6)
     ]
-    sim, driven_m = drive(robot, worlds, commands(robot, seed, lasting), 60)
+    sim, driven_m = drive(robot, worlds, commands(robot, seed, lasting), 60, channel=channel)
     assert not sim.b["collided"].any()
     assert driven_m.mean() > 0.3
 

@@ -29,6 +29,7 @@ Reason = Literal[
     "not_localised",
     "clock_jumped",
     "command_invalid",
+    "command_late",
     "limited",
     "unseen",
     "obstacle",

@@ -45,8 +45,8 @@ class SupervisorConfig:
     hold_periods: float = 2.0
     """Control periods for which the base may go on with a command when no other comes: the time of its watchdog."""
     margin_m: float = 0.02
-    """Distance in m kept from what the LiDAR has hit, or twice its noise if that is more; beside half the gap between two
-    beams there that tell something."""
+    """Distance in m kept from what the LiDAR has hit, or twice its noise if that is more; beside half the gap there
+    between two beams that tell something."""
     least_told: float = 0.4
     """Share of the field of view that the policy was trained with of which beams must tell something."""
     largest_hole_rad: float = 0.35
