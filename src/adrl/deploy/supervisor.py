@@ -252,8 +252,10 @@ class Supervisor:
         if scan is None or not self._sensors.odometry or scan.stamp_s == self._looked_s:
             return
         self._looked_s = scan.stamp_s
-        ended_s = scan.stamp_s + (scan.ranges.size - 1) * scan.time_increment_s
-        self._surroundings.take(scan, self._pose_at(scan.stamp_s), self._pose_at(ended_s))
+        lasted_s = (scan.ranges.size - 1) * scan.time_increment_s
+        first = self._pose_at(scan.stamp_s)
+        last = self._pose_at(scan.stamp_s + lasted_s) if lasted_s > 0.0 else first
+        self._surroundings.take(scan, first, last)
 
     def _odometry_frozen(self) -> bool:
         """Whether odometry stands still while it says itself that the robot moves, or the base was told to for long."""
