@@ -61,9 +61,9 @@ bool Braking::stays_clear(Twist twist, std::span<const Order> orders, std::span<
     auto count = hits.size();
     for (std::size_t i = 0; i < count;) {
         Hit &hit = hits[i];
-        const double clear = distance_to_point(footprint_, hit.point);
         const bool far = norm(hit.point) - footprint_.radius > way + hit.margin + kSpacing;
-        if (far || clear <= 0.0) {
+        const double clear = far ? 0.0 : distance_to_point(footprint_, hit.point);
+        if (clear <= 0.0) {
             std::swap(hit, hits[--count]);
             continue;
         }

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from adrl.deploy import Supervisor, Twist
+from adrl.deploy import Scan, Supervisor, Twist
 from adrl.envs import NavSim
 from adrl.types import Array, RobotConfig, Task, World
 from deploy.recorded import as_odometry, as_scan
@@ -48,10 +48,13 @@ def drive(
     make: Callable[[RobotConfig], Supervisor] = Supervisor,
     *,
     speeds: Array | None = None,
+    channel: Callable[[Scan], Scan] = lambda scan: scan,
+    stands_by: Callable[[int], bool] = lambda step: False,
 ) -> tuple[NavSim, Array]:
     """One robot a world, each behind a supervisor, told command(step, robot).
 
-    speeds: (N, 2) at first; at rest when None.
+    speeds: (N, 2) at first; at rest when None. channel: what becomes of each scan. stands_by: whether another drives in
+    a step, as commanded.
     Returns the simulator and (N,) metres that the robots drove.
     """
     n, period_s = len(worlds), robot.control_period_s
@@ -64,9 +67,13 @@ def drive(
     for k in range(steps):
         now_s = k * period_s
         for i in np.flatnonzero(sim.b["active"]).tolist():
-            scan, odometry = as_scan(sim.b["ranges"][i], robot.lidar, now_s), as_odometry(sim, i, now_s)
-            faults = supervisors[i].watch(scan, odometry, now_s)
+            scan = channel(as_scan(sim.b["ranges"][i], robot.lidar, now_s))
+            faults = supervisors[i].watch(scan, as_odometry(sim, i, now_s), now_s)
             wanted = command(k, i)
+            if stands_by(k):
+                supervisors[i].stand_by(now_s)
+                sim.b["command"][i] = wanted
+                continue
             twist, _ = supervisors[i].stop(now_s, faults) if faults else supervisors[i].limit(wanted, now_s)
             sim.b["command"][i] = twist
         sim.native.step()

@@ -112,6 +112,7 @@ def braking_periods(robot: RobotConfig) -> int:
 
 def outlasts(run: Loop, fault: range = FAULT) -> None:
     """Told to stand within two periods, standing after braking, unharmed; and at the goal when all is well again."""
+    assert run.drove_on(range(FAULT.start)), "under way before the fault"
     assert run.told_to_stand(range(fault.start + PERIODS, fault.stop))
     assert run.standing(range(fault.start + PERIODS + braking_periods(run.robot), fault.stop))
     arrives(run)

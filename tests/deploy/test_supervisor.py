@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.deploy import Odometry, Scan, Supervisor, SupervisorConfig, Twist
 from adrl.errors import ConfigError
-from adrl.types import Array, RobotConfig, World
+from adrl.types import Array, RobotConfig
 from adrl.worlds import ROBOTS
 from deploy.closed_loop import drive, obstacle_course, rid_of_noise
 
@@ -49,14 +48,20 @@ def commands(robot: RobotConfig, seed: int, lasting: int):
 
 @pytest.mark.slow
 @settings(max_examples=12)
-@given(robots, seeds, st.sampled_from([1, 5, 25]))
-def test_no_command_leads_to_a_collision(robot: RobotConfig, seed: int, lasting: int):
-    """Robots that start at rest could always have stopped, so none may ever hit anything."""
+@given(robots, seeds, st.sampled_from([1, 5, 25]), st.sampled_from([0.0, 0.4]))
+def test_no_command_leads_to_a_collision(robot: RobotConfig, seed: int, lasting: int, lost: float):
+    """Robots that start at rest could always have stopped, so none may ever hit anything, whichever beams are lost."""
+    rng = np.random.default_rng(seed)
+
+    def channel(scan: Scan) -> Scan:
+        told = rng.random(len(scan.ranges)) >= lost
+        return dataclasses.replace(scan, ranges=np.where(told, scan.ranges, math.nan))
+
     worlds = [
         obstacle_course(np.random.default_rng((seed, i)), robot.circumscribed_radius_m + 0.1)
         for i in range(6)
     ]
-    sim, driven_m = drive(robot, worlds, commands(robot, seed, lasting), 60)
+    sim, driven_m = drive(robot, worlds, commands(robot, seed, lasting), 60, channel=channel)
     assert not sim.b["collided"].any()
     assert driven_m.mean() > 0.3
 
@@ -84,26 +89,6 @@ def test_who_can_stop_never_collides(robot: RobotConfig, seed: int):
     braked, _ = drive(robot, worlds, lambda *_: (0.0, 0.0), 40, speeds=speeds)
     driven, _ = drive(robot, worlds, commands(robot, seed, 5), 40, speeds=speeds)
     assert not (driven.b["collided"].astype(bool) & ~braked.b["collided"].astype(bool)).any()
-
-
-class Forgetful(Supervisor):
-    """Without the memory of what the LiDAR no longer sees."""
-
-    def _out_of_view(self, scan: Scan, points: Array) -> NDArray[np.bool_]:
-        return np.zeros(len(points), dtype=bool)
-
-
-@pytest.mark.parametrize(("kind", "hits"), [(Supervisor, False), (Forgetful, True)])
-def test_what_was_passed_is_not_swept_by_the_rear(kind: type[Supervisor], hits: bool):
-    """A Jackal passes a post, which is then behind its LiDAR, and turns on the spot: its rear corner comes round."""
-    robot = rid_of_noise(ROBOTS["jackal"])
-    post = World(bounds=(-1.0, -2.0, 4.0, 2.0), circles=np.array([[1.0, 0.26, 0.015]]))
-
-    def past_then_round(step: int, number: int) -> Twist:
-        return (0.5, 0.0) if step < 18 + number else (0.0, -1.0)
-
-    sim, _ = drive(robot, [post] * 12, past_then_round, 60, kind)
-    assert sim.b["collided"].any() == hits
 
 
 # --- the kernel --------------------------------------------------------------------------------------------
@@ -221,6 +206,8 @@ FEW = np.where(np.arange(180) % 4 == 0, 3.0, np.nan)
         ("scan_invalid", {"ranges": np.empty(0)}),
         ("scan_invalid", {"angle_min_rad": math.nan}),
         ("scan_invalid", {"angle_increment_rad": 0.0}),
+        ("scan_invalid", {"time_increment_s": -1e-3}),
+        ("scan_invalid", {"time_increment_s": math.nan}),
         ("scan_sparse", {"ranges": HOLE}),
         ("scan_sparse", {"ranges": np.roll(HOLE, -15)}),
         ("scan_sparse", {"ranges": FEW}),
@@ -362,6 +349,19 @@ def test_reverse_needs_eyes_behind():
     around = Supervisor(robot)
     around.watch(a_scan(0.0), an_odometry(0.0, twist=(0.0, 0.0)), 0.0)
     assert around.limit((-0.2, 0.0), 0.0)[0][0] == -0.2
+    # Behind, the LiDAR sees nothing but the robot's own body.
+    body = np.where(np.abs(np.arange(180) - 90) > 60, 0.15, 3.0)
+    supervisor = Supervisor(robot)
+    supervisor.watch(a_scan(0.0, body), an_odometry(0.0, twist=(0.0, 0.0)), 0.0)
+    assert supervisor.limit((-0.2, 0.0), 0.0) == ((0.0, 0.0), ("unseen",))
+
+
+@pytest.mark.parametrize(("yaw_rad", "reasons"), [(0.0, ()), (math.pi, ("unseen",))])
+def test_driving_ahead_needs_eyes_there(yaw_rad: float, reasons: tuple[str, ...]):
+    supervisor = Supervisor(DIFFBOT, mount=(0.0, 0.0, yaw_rad))
+    half = a_scan(0.0, np.full(90, 3.0), angle_min_rad=-0.5 * math.pi)
+    supervisor.watch(half, an_odometry(0.0, twist=(0.0, 0.0)), 0.0)
+    assert supervisor.limit((0.2, 0.0), 0.0) == ((0.0 if reasons else 0.2, 0.0), reasons)
 
 
 def test_what_stops_it_is_logged_once(caplog: pytest.LogCaptureFixture):

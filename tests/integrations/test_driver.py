@@ -432,6 +432,23 @@ def test_parameters_are_the_options_by_other_means() -> None:
             with_parameters(DriveConfig(), lambda n, default, k=name, v=value: v if n == k else default)
 
 
+def test_a_slow_watchdog_makes_the_braking_check_keep_farther_away() -> None:
+    """Whenever the node dies, the base drives on for so long: with a wall ahead it may not be fast that near."""
+    nearest = []
+    for periods in (2.0, 5.0):
+        config, speeds = DriveConfig(guidance="goal", watchdog_periods=periods), []
+        for ahead_m in np.linspace(0.25, 0.8, 56):
+            supervisor = config.driver().navigator.supervisor
+            assert supervisor is not None
+            scan = as_scan(np.full(180, ahead_m, np.float32), ROBOT.lidar, 0.0)
+            supervisor.watch(scan, Odometry(pose=(0.0, 0.0, 0.0), twist=(0.6, 0.0), stamp_s=0.0), 0.0)
+            speeds.append(supervisor.limit((0.6, 0.0), 0.0)[0][0])
+        nearest.append(0.25 + 0.01 * int(np.argmax(np.array(speeds) > 0.59)))
+    assert nearest[1] - nearest[0] == pytest.approx(0.6 * 3 * PERIOD_S, abs=0.03)
+    with pytest.raises(ConfigError, match="hold_periods"):
+        DriveConfig(guidance="goal", watchdog_periods=0.0).driver()
+
+
 def test_a_policy_of_guidance_map_asks_for_one() -> None:
     with pytest.raises(ConfigError, match="--map"):
         DriveConfig().driver()

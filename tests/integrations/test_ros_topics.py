@@ -225,3 +225,30 @@ def test_a_simulated_clock_may_come_a_little_after_the_scan_of_its_time(late_s: 
     node.goal(3.0)
     node.run(10)
     assert (max(node.speeds()) == 0.0) == stands
+
+
+def test_a_command_that_took_long_to_make_is_not_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As when a plan on a large map takes its time: what it was checked against is of long ago. The next one is."""
+    node = Node().run(2)
+    node.goal(3.0)
+    node.run(3, 0.3)
+    assert all(speed > 0.0 for speed in node.speeds()[1:])
+    node.statuses()
+    navigator = node.topics._driver.navigator
+    step, made = navigator.step, []
+
+    def slow(*arguments: Any, **options: Any) -> Any:
+        command = step(*arguments, **options)
+        made.append(command.twist[0])
+        node.now_s += 0.3
+        return command
+
+    with monkeypatch.context() as patch:
+        patch.setattr(navigator, "step", slow)
+        node.run(1, 0.3)
+    assert made[0] > 0.0
+    assert not any(node.speeds())
+    assert node.statuses()[0][1]["reasons"] == "command_late"
+    node.run(2, 0.3)
+    assert node.speeds()[-1] > 0.0
+    assert node.statuses()[-1][1]["status"] == "driving"

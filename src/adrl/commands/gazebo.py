@@ -195,7 +195,9 @@ def _film(arguments: Sequence[str]) -> int:
 
 
 def _export(arguments: Sequence[str]) -> int:
-    options = parse(ExportOptions, arguments, "gazebo export", "Write a world that Gazebo reads.")
+    options = parse(
+        ExportOptions, arguments, "gazebo export", "Write a world that Gazebo reads, without a robot."
+    )
     require_file("--out", options.out)
     task = task_set(options.load(), load_robot(options.robot), options.split, 1, first=options.task)[0]
     save_sdf(options.out, task.world)
@@ -245,7 +247,7 @@ WHAT: dict[str, tuple[str, Runner]] = {
     "evaluate": ("drive a policy on fixed tasks in Gazebo", _evaluate),
     "transfer": ("the same tasks in our simulator and in Gazebo, and the gap between them", _transfer),
     "film": ("one task in Gazebo, as its camera sees it", _film),
-    "export": ("write a scenario's world, or a map, as a Gazebo world", _export),
+    "export": ("write a scenario's world, or a map, as a Gazebo world without a robot", _export),
 }
 
 

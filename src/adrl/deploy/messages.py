@@ -29,6 +29,7 @@ Reason = Literal[
     "not_localised",
     "clock_jumped",
     "command_invalid",
+    "command_late",
     "limited",
     "unseen",
     "obstacle",
@@ -40,8 +41,8 @@ Reason = Literal[
 class Scan:
     """A LiDAR scan as sensors give it: any number of beams, either direction, infinity and NaN allowed.
 
-    +inf, or range_max_m and more: nothing within reach. NaN, or a number below range_min_m: the beam tells nothing.
-    -inf: something nearer than range_min_m (REP 117).
+    +inf, or range_max_m and more: nothing within reach. NaN or 0: the beam tells nothing, nor does it of anything else
+    below range_min_m, but the supervisor takes that for an obstacle. -inf: something nearer than range_min_m (REP 117).
     """
 
     ranges: Array
@@ -53,7 +54,9 @@ class Scan:
     range_min_m: float = 0.0
     range_max_m: float
     stamp_s: float
-    """When it was taken."""
+    """When its first beam was taken."""
+    time_increment_s: float = 0.0
+    """Time from one beam to the next; 0 where all are of one moment."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", np.asarray(self.ranges, dtype=np.float64))

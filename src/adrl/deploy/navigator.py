@@ -148,6 +148,10 @@ class Navigator:
             self.cancel()
             return self._stand("failed", now_s, message=str(error))
 
+    def withhold(self, now_s: float) -> Command:
+        """The command instead of one that took so long to make that what it was checked against is no longer so."""
+        return self._stand("stopped", now_s, ("command_late",))
+
     def _drive(
         self, scan: Scan, odometry: Odometry, place: Pose, goal: tuple[float, float], now_s: float
     ) -> Command:

@@ -13,11 +13,11 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.deploy.messages import Odometry, Pose, Reason, Scan, Twist
-from adrl.deploy.watch import SensorWatch, hits_of, sees_all_round
+from adrl.deploy.surroundings import Surroundings
+from adrl.deploy.watch import SensorWatch
 from adrl.errors import ConfigError
 from adrl.types import Array, RobotConfig
 
@@ -25,6 +25,8 @@ LOG = logging.getLogger("adrl.deploy")
 
 SLOWER = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Parts of the speed asked for that are tried in turn, at the same yaw rate."""
+NOISE_STDS = 2.0
+"""Standard deviations of the LiDAR's noise that are the least distance to keep: nearer, noise hides what is there."""
 STANDSTILL: Twist = (0.0, 0.0)
 REMEMBERED_S = 1.0
 """Commands of so long ago still count when odometry is asked whether it has moved."""
@@ -32,8 +34,6 @@ OWED_M, OWED_RAD = 0.1, 0.2
 """Odometry that has not changed while the base was told to move by so much is frozen, or the base is stuck."""
 OWN_M, OWN_RAD = 0.02, 0.03
 """The same for the motion that the odometry's own twist promises."""
-NEAR_M = 1.0
-"""Hits this near to the robot are remembered where the LiDAR does not look."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,8 @@ class SupervisorConfig:
     hold_periods: float = 2.0
     """Control periods for which the base may go on with a command when no other comes: the time of its watchdog."""
     margin_m: float = 0.02
-    """Distance in m kept from what the LiDAR has hit, beside half the gap between two beams there."""
+    """Distance in m kept from what the LiDAR has hit, or twice its noise if that is more; beside half the gap there
+    between two beams that tell something."""
     least_told: float = 0.4
     """Share of the field of view that the policy was trained with of which beams must tell something."""
     largest_hole_rad: float = 0.35
@@ -85,13 +86,19 @@ class Supervisor:
         self.robot = robot
         self.config = config or SupervisorConfig()
         lidar = robot.lidar
-        self.mount = mount or (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad)
-        self._zero_is_free = zero_is_free
+        mount = mount or (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad)
         self._period_s = robot.control_period_s
         self._sensors = SensorWatch(
             robot,
             max_age_s=self.config.max_age_periods * self._period_s,
             least_told=self.config.least_told,
+            largest_hole_rad=self.config.largest_hole_rad,
+            zero_is_free=zero_is_free,
+        )
+        self._surroundings = Surroundings(
+            robot,
+            mount,
+            margin_m=max(self.config.margin_m, NOISE_STDS * lidar.noise_std_m),
             largest_hole_rad=self.config.largest_hole_rad,
             zero_is_free=zero_is_free,
         )
@@ -102,24 +109,25 @@ class Supervisor:
         self._commands: deque[tuple[float, Twist]] = deque()
         """When each command was sent, and what."""
         self._unchanged_since: Odometry | None = None
-        self._scan_s = -math.inf
-        """Stamp of the scan that the hits are of."""
-        self._hits: Array = np.empty((0, 3))
-        self._hidden: Array = np.empty((0, 3))
-        """(M, 3) x, y in the odometry's frame and clearance to keep: of the scan, and of where it does not look."""
+        self._looked_s = -math.inf
+        """Stamp of the last scan whose hits the surroundings hold."""
 
     def watch(self, scan: Scan | None, odometry: Odometry | None, now_s: float) -> tuple[Reason, ...]:
         """Take in what came since the last call, None for nothing; the reasons to stop, none when all is well."""
         if not math.isfinite(now_s):
             return ("clock_jumped",)
-        if now_s < self._now_s:  # the base goes on with what it was told last
+        back = now_s < self._now_s
+        if back:  # the base goes on with what it was told last
             last = self._commands[-1][1] if self._commands else STANDSTILL
             self._commands = deque([(now_s - self.robot.latency_s, last)])
-            self._unchanged_since, self._scan_s = None, -math.inf
+            self._unchanged_since = None
         self._now_s = now_s
         faults = self._sensors.take(scan, odometry, now_s)
-        if "odometry_jumped" in faults or "clock_jumped" in faults:
-            self._hits = self._hidden = np.empty((0, 3))
+        if back or "odometry_jumped" in faults:
+            self._surroundings.forget()
+            self._looked_s = -math.inf
+        if "scan_frozen" not in faults:
+            self._look()
         return (*faults, "odometry_frozen") if self._odometry_frozen() else faults
 
     def newest(self) -> tuple[Scan, Odometry]:
@@ -145,7 +153,7 @@ class Supervisor:
         """
         if not np.isfinite(wanted).all():
             return self.stop(now_s, ("command_invalid",))
-        scan, odometry = self.newest()
+        _, odometry = self.newest()
         pose, twist = self._base.roll(odometry.pose, odometry.twist, self._orders(odometry.stamp_s, now_s))
         pending = self._orders(now_s, now_s + self.robot.latency_s)
         _, starting = self._base.roll((0.0, 0.0, 0.0), twist, pending)
@@ -153,10 +161,11 @@ class Supervisor:
         command = self._within_limits(wanted, starting)
         if math.dist(command, wanted) > 1e-6:
             reasons.append("limited")
-        if command[0] < 0.0 and not sees_all_round(scan):
+        around = self._surroundings
+        if (command[0] < 0.0 and not around.sees_behind()) or (command[0] > 0.0 and not around.sees_ahead()):
             command = (0.0, command[1])
             reasons.append("unseen")
-        hits = self._known_hits(scan, pose)
+        hits = around.seen_from(pose)
         speeds = dict.fromkeys(part * command[0] for part in SLOWER)
         choices = [(speed, command[1]) for speed in speeds]
         chosen = next(
@@ -227,35 +236,26 @@ class Supervisor:
             return self._base.roll(known[-1].pose, known[-1].twist, orders)[0]
         later = bisect.bisect_left([message.stamp_s for message in known], time_s)
         if later == 0:  # older than all that is known
-            return known[0].pose
+            first = known[0]
+            pose, twist = np.array([first.pose]), np.array([first.twist])
+            x, y, yaw = _core.integrate(pose, twist, time_s - first.stamp_s)[0].tolist()
+            return x, y, yaw
         before, after = known[later - 1], known[later]
         share = (time_s - before.stamp_s) / (after.stamp_s - before.stamp_s)
         turn = math.remainder(after.pose[2] - before.pose[2], 2.0 * math.pi)
         x, y = (a + share * (b - a) for a, b in zip(before.pose[:2], after.pose[:2], strict=True))
         return x, y, before.pose[2] + share * turn
 
-    def _known_hits(self, scan: Scan, pose: Pose) -> Array:
-        """(M, 3) what a robot at a pose has about it: x, y in its frame, and the clearance to keep."""
-        if scan.stamp_s != self._scan_s:
-            self._scan_s = scan.stamp_s
-            at = self._pose_at(scan.stamp_s)
-            before = np.concatenate([self._hits, self._hidden])
-            self._hits = _placed(self._seen(scan), at)
-            self._hidden = before[self._out_of_view(scan, _seen_from(before, at))]
-        return _seen_from(np.concatenate([self._hits, self._hidden]), pose)
-
-    def _seen(self, scan: Scan) -> Array:
-        return hits_of(scan, self.mount, self.config.margin_m, zero_is_free=self._zero_is_free)
-
-    def _out_of_view(self, scan: Scan, points: Array) -> NDArray[np.bool_]:
-        """(M,) which points near the robot, in its frame, lie where the scan does not look."""
-        if sees_all_round(scan):
-            return np.zeros(len(points), dtype=bool)
-        x, y = points[:, 0] - self.mount[0], points[:, 1] - self.mount[1]
-        sign = math.copysign(1.0, scan.angle_increment_rad)
-        along = np.remainder(sign * (np.arctan2(y, x) - self.mount[2] - scan.angle_min_rad), 2.0 * math.pi)
-        hidden = along > (len(scan.ranges) - 1) * abs(scan.angle_increment_rad)
-        return hidden & (np.hypot(points[:, 0], points[:, 1]) < self.robot.circumscribed_radius_m + NEAR_M)
+    def _look(self) -> None:
+        """Remember what the newest scan shows, whoever drives and whatever else is wrong."""
+        scan = self._sensors.scan
+        if scan is None or not self._sensors.odometry or scan.stamp_s == self._looked_s:
+            return
+        self._looked_s = scan.stamp_s
+        lasted_s = (scan.ranges.size - 1) * scan.time_increment_s
+        first = self._pose_at(scan.stamp_s)
+        last = self._pose_at(scan.stamp_s + lasted_s) if lasted_s > 0.0 else first
+        self._surroundings.take(scan, first, last)
 
     def _odometry_frozen(self) -> bool:
         """Whether odometry stands still while it says itself that the robot moves, or the base was told to for long."""
@@ -271,17 +271,3 @@ class Supervisor:
         orders = self._orders(max(since.stamp_s, newest.stamp_s - REMEMBERED_S), newest.stamp_s)
         owed_m, owed_rad = np.abs(orders[:, :2]).T @ orders[:, 2]
         return bool(owed_m > OWED_M or owed_rad > OWED_RAD)
-
-
-def _placed(points: Array, pose: Pose) -> Array:
-    """(M, 3) x, y in the frame of a pose -> in the frame that the pose is given in."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    x, y, margin = points.T
-    return np.stack([pose[0] + c * x - s * y, pose[1] + s * x + c * y, margin], axis=1)
-
-
-def _seen_from(points: Array, pose: Pose) -> Array:
-    """The inverse of _placed."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    x, y = points[:, 0] - pose[0], points[:, 1] - pose[1]
-    return np.stack([c * x + s * y, c * y - s * x, points[:, 2]], axis=1)

@@ -6,9 +6,9 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.deploy.lidar import beam_angles, readings
+from adrl.deploy.lidar import readings
 from adrl.deploy.messages import Odometry, Pose, Reason, Scan
-from adrl.types import Array, RobotConfig
+from adrl.types import RobotConfig
 
 EARLY_PERIODS = 0.5
 """Stamps may be this much ahead of the clock: sensors have clocks of their own."""
@@ -98,8 +98,11 @@ class SensorWatch:
 
     def _take_scan(self, scan: Scan) -> list[Reason]:
         about = (scan.angle_min_rad, scan.angle_increment_rad, scan.stamp_s)
+        lasts_s = (scan.ranges.size - 1) * scan.time_increment_s
         if not (scan.ranges.ndim == 1 and scan.ranges.size > 0 and np.isfinite(about).all()) or (
-            scan.angle_increment_rad == 0.0 or not scan.range_max_m > 0.0
+            scan.angle_increment_rad == 0.0
+            or not scan.range_max_m > 0.0
+            or not 0.0 <= lasts_s <= self._max_age_s
         ):
             return ["scan_invalid"]
         if self.scan is not None and scan.stamp_s <= self.scan.stamp_s:
@@ -166,17 +169,3 @@ def moved(before: Pose, after: Pose) -> tuple[float, float]:
     """Metres and radians between two poses."""
     turn = math.remainder(after[2] - before[2], 2.0 * math.pi)
     return math.hypot(after[0] - before[0], after[1] - before[1]), abs(turn)
-
-
-def hits_of(scan: Scan, mount: Pose, margin_m: float, *, zero_is_free: bool) -> Array:
-    """(M, 3) x, y in the robot's frame of what the scan has hit, and the clearance to keep of it.
-
-    That is margin_m and half the gap between two beams at that range: no surface hides between two hits.
-    """
-    ranges, told = readings(scan, zero_is_free=zero_is_free)
-    hit = told & np.isfinite(ranges)
-    angles, ranges = beam_angles(scan)[hit] + mount[2], ranges[hit]
-    gap = 0.5 * abs(scan.angle_increment_rad) * ranges
-    return np.stack(
-        [mount[0] + ranges * np.cos(angles), mount[1] + ranges * np.sin(angles), margin_m + gap], axis=1
-    )

@@ -10,7 +10,7 @@ No clock, no threads: times are arguments, and one call is made at a time.
 
 import logging
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 from adrl.deploy import Command, Navigator, Odometry, Pose, Scan
@@ -165,6 +165,10 @@ class Driver:
         """To be called a few times a control period: the step that is overdue without a scan, if any."""
         wait_s = self._slack_s if self._interval_s < SLOW * self.period_s else 0.0
         return self._step(now_s, now_s - wait_s) if self._is_due(now_s, wait_s) else None
+
+    def withhold(self, report: Report, now_s: float) -> Report:
+        """Stand still instead: the command took too long to make."""
+        return replace(report, command=self.navigator.withhold(now_s))
 
     @property
     def _slack_s(self) -> float:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from adrl.deploy import Navigator
+from adrl.deploy import Navigator, SupervisorConfig
 from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
 from adrl.errors import ConfigError
 from adrl.integrations.driver import Driver
@@ -48,6 +48,8 @@ class DriveConfig:
     """x (m), y (m), yaw (rad) of the LiDAR on the robot; as trained when left out."""
     zero_is_free: bool = False
     """A range of 0 means nothing in reach, as the LDS-01 has it."""
+    watchdog_periods: float = 2.0
+    """Control periods without a command after which the base stops by itself; the braking check allows for them."""
 
     def driver(self) -> Driver:
         """Load all of it. Raises AdrlError."""
@@ -64,6 +66,7 @@ class DriveConfig:
             mount=self.mount,
             zero_is_free=self.zero_is_free,
             goal_tolerance_m=self.goal_tolerance_m,
+            supervisor=SupervisorConfig(hold_periods=self.watchdog_periods),
         )
         return Driver(
             navigator,

@@ -87,8 +87,12 @@ class DriveTopics:
         self._deliver(self._driver.take_scan(scan_of(message, stamp_s), now_s), now_s)
 
     def _deliver(self, report: Report | None, now_s: float) -> None:
-        if report is not None and not self._ended:
-            self._outbox.deliver(report, now_s)
+        if report is None or self._ended:
+            return
+        made_s = self._now_s()
+        if report.send and any(report.command.twist) and made_s > now_s + self._driver.period_s:
+            now_s, report = made_s, self._driver.withhold(report, made_s)
+        self._outbox.deliver(report, now_s)
 
     def _take_odometry(self, message: Any) -> None:
         self._driver.take_odometry(odometry_of(message, self._seconds(message.header.stamp)))

@@ -41,6 +41,7 @@ def scan_of(message: Any, stamp_s: float) -> Scan:
         range_min_m=message.range_min,
         range_max_m=message.range_max,
         stamp_s=stamp_s,
+        time_increment_s=message.time_increment,
     )
 
 

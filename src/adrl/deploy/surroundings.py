@@ -1,0 +1,168 @@
+"""What stands about a robot, as its LiDAR has lately seen it: also where it does not look now, or tells nothing."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.deploy.lidar import beam_angles, readings
+from adrl.deploy.messages import Pose, Scan
+from adrl.deploy.watch import sees_all_round, widest_hole_rad
+from adrl.types import Array, RobotConfig
+
+Mask = NDArray[np.bool_]
+
+LASTS_S = 30.0
+"""What no scan tells of any more is forgotten after this time: it may have gone, and odometry drifts."""
+NEAR_M = 1.0
+"""Least distance from the robot within which that is remembered."""
+CELL_M = 0.02
+"""Of what is remembered, points nearer to each other are one."""
+
+
+class Surroundings:
+    """Hits in the odometry's frame, each with the clearance to keep of it.
+
+    clearance: margin_m, and half the way at that range to the next beams that tell something: no surface hides between
+    two hits. Hits within the footprint are the robot's own body, and are none.
+    """
+
+    def __init__(
+        self, robot: RobotConfig, mount: Pose, *, margin_m: float, largest_hole_rad: float, zero_is_free: bool
+    ) -> None:
+        self._robot, self._mount = robot, mount
+        self._margin_m, self._largest_hole_rad = margin_m, largest_hole_rad
+        self._zero_is_free = zero_is_free
+        self._near_m = robot.circumscribed_radius_m + max(NEAR_M, _stopping_m(robot))
+        self.forget()
+
+    def forget(self) -> None:
+        """The odometry's frame is another now."""
+        self._newest: Array = np.empty((0, 3))
+        self._former: Array = np.empty((0, 3))
+        """(M, 3) x, y, clearance: of the last scan, and, near the robot, of the one before."""
+        self._lasting: Array = np.empty((0, 4))
+        """(M, 4) x, y, clearance, and when it was seen, of what the last scan tells nothing of."""
+        self._last_s = -math.inf
+        self._looking: tuple[Scan, Mask] | None = None
+        """The last scan, and which of its beams tell of something else than the robot itself."""
+
+    def take(self, scan: Scan, first: Pose, last: Pose) -> None:
+        """A new scan; where the robot was when its first and its last beam were taken."""
+        ranges, told = readings(scan, zero_is_free=self._zero_is_free)
+        too_near = (scan.ranges > 0.0) & (scan.ranges < scan.range_min_m)
+        ranges = np.where(too_near, scan.ranges, ranges)
+        x, y = self._on_robot(scan, ranges)
+        own = self._within_footprint(x, y)
+        outside = told & ~own
+        hit = (told | too_near) & np.isfinite(ranges) & ~own
+        clearance = self._margin_m + self._gap_rad(scan, told | too_near)[hit] * ranges[hit]
+        self._former = self._newest[self._is_near(self._newest, last)]
+        self._lasting = self._untold(scan, outside, last)
+        turn = math.remainder(last[2] - first[2], 2.0 * math.pi)
+        way = np.array([last[0] - first[0], last[1] - first[1], turn])
+        poses = np.array(first)[:, None] + way[:, None] * np.linspace(0.0, 1.0, len(ranges))[hit]
+        self._newest = _placed(np.stack([x[hit], y[hit], clearance], axis=1), poses)
+        self._last_s = scan.stamp_s
+        self._looking = (scan, outside)
+
+    def sees_ahead(self) -> bool:
+        """Whether the last scan looks straight ahead."""
+        if self._looking is None:
+            return False
+        scan = self._looking[0]
+        return self._in_view(scan, np.ones(len(scan.ranges), dtype=bool), np.ones(1), np.zeros(1)).item()
+
+    def sees_behind(self) -> bool:
+        """Whether the last scan looks all round, past the robot's own body."""
+        if self._looking is None:
+            return False
+        scan, outside = self._looking
+        whole = sees_all_round(scan) and bool(outside.any())
+        return whole and widest_hole_rad(scan, outside) <= self._largest_hole_rad
+
+    def seen_from(self, pose: Pose) -> Array:
+        """(M, 3) x, y in the frame of a robot at a pose, and the clearance to keep.
+
+        What the last scan but one hit is not to be hit, without a margin: a beam that fails for one scan does not open
+        the way.
+        """
+        former = self._former - (0.0, 0.0, self._margin_m)
+        return _seen_from(np.concatenate([former, self._newest, self._lasting[:, :3]]), pose)
+
+    def _on_robot(self, scan: Scan, ranges: Array) -> tuple[Array, Array]:
+        """(K,) x and y in the robot's frame; infinite where nothing is hit."""
+        angles = beam_angles(scan) + self._mount[2]
+        far = np.where(np.isfinite(ranges), ranges, 1e9)
+        return self._mount[0] + far * np.cos(angles), self._mount[1] + far * np.sin(angles)
+
+    def _within_footprint(self, x: Array, y: Array) -> Mask:
+        """(K,)"""
+        if self._robot.radius_m is not None:
+            return np.hypot(x, y) < self._robot.radius_m
+        corners = self._robot.polygon
+        ahead = np.concatenate([corners[1:], corners[:1]]) - corners
+        across = ahead[:, :1] * (y - corners[:, 1:]) - ahead[:, 1:] * (x - corners[:, :1])
+        return np.all(across > 0.0, axis=0, keepdims=True)[0]
+
+    def _gap_rad(self, scan: Scan, told: Mask) -> Array:
+        """(K,) half the angle to the farther of the next beams on both sides that tell something, where told."""
+        out = np.zeros(len(told))
+        numbers = np.flatnonzero(told)
+        if len(numbers) == 0:
+            return out
+        ends = (numbers[-1] - len(told), numbers[0] + len(told))
+        if not sees_all_round(scan):
+            ends = (numbers[0] - 1, numbers[-1] + 1)
+        gaps = np.diff(np.concatenate([ends[:1], numbers, ends[1:]])) * abs(scan.angle_increment_rad)
+        widest = np.maximum(gaps[:-1], gaps[1:])
+        out[numbers] = 0.5 * np.minimum(widest, max(self._largest_hole_rad, abs(scan.angle_increment_rad)))
+        return out
+
+    def _is_near(self, points: Array, pose: Pose) -> Mask:
+        """(M,) which points a robot there has to remember."""
+        return np.hypot(points[:, 0] - pose[0], points[:, 1] - pose[1]) < self._near_m
+
+    def _untold(self, scan: Scan, tells: Mask, pose: Pose) -> Array:
+        """(M, 4) of what was known, near and not too old: what a scan tells nothing of, the newest of each place."""
+        seen = np.column_stack([self._former, np.full(len(self._former), self._last_s)])
+        lasting = self._lasting[self._lasting[:, 3] > scan.stamp_s - LASTS_S]
+        known = np.concatenate([seen, lasting[self._is_near(lasting, pose)]])
+        x, y, _ = _seen_from(known, pose).T
+        untold = known[~self._in_view(scan, tells, x - self._mount[0], y - self._mount[1])]
+        x, y = np.rint(untold[:, :2].T / CELL_M).astype(np.int64)
+        _, first = np.unique((x << 32) + y, return_index=True)
+        return untold[first]
+
+    def _in_view(self, scan: Scan, tells: Mask, dx: Array, dy: Array) -> Mask:
+        """(M,) which directions from the sensor, given in the robot's frame, a beam that tells something covers."""
+        increment = scan.angle_increment_rad
+        along = np.arctan2(dy, dx) - self._mount[2] - scan.angle_min_rad
+        beam = np.rint(
+            np.remainder(math.copysign(1.0, increment) * along, 2.0 * math.pi) / abs(increment)
+        ).astype(np.intp)
+        if sees_all_round(scan):
+            beam %= len(tells)
+        covered = beam < len(tells)
+        return covered & tells[np.where(covered, beam, 0)]
+
+
+def _stopping_m(robot: RobotConfig) -> float:
+    """More than the way that a robot at full speed needs to come to rest."""
+    speed = max(robot.max_speed_mps, -robot.min_speed_mps)
+    reaction_s = robot.latency_s + robot.lag_s + 2.0 * robot.control_period_s
+    return speed * reaction_s + 0.5 * speed**2 / robot.max_acceleration_mps2
+
+
+def _placed(points: Array, poses: Array) -> Array:
+    """(M, 3) x, y in the frames of poses (3, M) -> in the frame that the poses are given in."""
+    c, s = np.cos(poses[2]), np.sin(poses[2])
+    x, y, clearance = points.T
+    return np.stack([poses[0] + c * x - s * y, poses[1] + s * x + c * y, clearance], axis=1)
+
+
+def _seen_from(points: Array, pose: Pose) -> Array:
+    """(M, 3) the inverse of _placed, for one pose."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    x, y = points[:, 0] - pose[0], points[:, 1] - pose[1]
+    return np.stack([c * x + s * y, c * y - s * x, points[:, 2]], axis=1)
