@@ -37,7 +37,7 @@ int main(int argc, char **argv) {
     try {
         const Policy policy(argv[1]);
         if (policy.latency() > 0.0) throw std::runtime_error("its robot has latency, which this example leaves out");
-        const std::array<double, 9> pillars{1.2, 0.1, 0.25, 2.4, -0.5, 0.3, 2.9, 0.7, 0.25};
+        const std::array<double, 9> pillars{1.2, 0.4, 0.25, 2.4, -0.5, 0.3, 2.9, 0.7, 0.25};
         const std::array<std::int32_t, 1> none{0};
         const adrl::World world(pillars, {}, none, {}, {}, nullptr, 0, 0, 1.0, {});
         const adrl::Footprint footprint = policy.footprint();
