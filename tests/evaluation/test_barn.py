@@ -225,6 +225,13 @@ def test_the_command_tells_worlds_of_training_wherever_they_lie(
 
 
 @pytest.mark.integration
+def test_the_shipped_policy_has_seen_no_world_of_the_benchmark_and_arrives(two_worlds: Path) -> None:
+    summary = scored(two_worlds, Path("jackal"))
+    assert (summary["unseen"]["worlds"], summary["trained_on"]) == (2, None)
+    assert summary["success"] == 1.0
+
+
+@pytest.mark.integration
 def test_only_the_jackal_is_scored(two_worlds: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     diffbot = finished_run(tmp_path_factory)
     assert run_cli("barn", "--worlds", two_worlds, "--policy", diffbot) == 2

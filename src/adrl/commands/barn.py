@@ -36,8 +36,8 @@ class BarnOptions:
 
     worlds: Path
     """Folder of world_N.world and path_N.npy; or of folders worlds and paths, or world_files and path_files."""
-    policy: str
-    """astar-dwa (knows the map), or a run folder of a policy for the Jackal."""
+    policy: str = "jackal"
+    """astar-dwa (knows the map), jackal (a shipped policy), or a run folder of a policy for the Jackal."""
     v_max: float | None = None
     """Greatest speed, m/s: faster commands of a policy are cut off here, and astar-dwa plans with it. That of the
     robot when left out."""
