@@ -243,9 +243,11 @@ class Replanner:
         distance_m of it; known: and all of the line has been seen."""
 
 MAX_CLEARANCE_CELLS: int
-MAX_DENSITY_WEIGHT: float
-MAX_TURN_COST_M: float
 """What inflation_m and comfort_m may sum to, in cells; ValueError beyond it."""
+MAX_DENSITY_WEIGHT: float
+"""Greatest density_weight; ValueError beyond it."""
+MAX_TURN_COST_M: float
+"""Greatest turn_cost_m; ValueError beyond it."""
 
 class RoutePlanner:
     """A* of eq 22 on windows (height, width) i8 of log-odds, with scratch of its own."""

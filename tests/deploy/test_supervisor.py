@@ -198,6 +198,32 @@ HOLE = np.where(np.arange(180) < 30, np.nan, 3.0)
 FEW = np.where(np.arange(180) % 4 == 0, 3.0, np.nan)
 
 
+@pytest.mark.parametrize(("turns_hz", "stale"), [(5.5, False), (7.0, False), (10.0, False), (4.0, True)])
+def test_a_lidar_that_turns_slower_than_the_robot_decides_is_stale_when_its_last_beam_is(
+    turns_hz: float, stale: bool
+):
+    """Scans stamped by their first beam come at the end of their turn; a period is 0.1 s, two are the limit."""
+    supervisor, turn_s, begins_s, faults = Supervisor(DIFFBOT), 1.0 / turns_hz, 0.0, []
+    for k in range(10, 100):
+        now_s, scan = 0.1 * k, None
+        while begins_s + turn_s <= now_s:
+            scan, begins_s = a_scan(begins_s, time_increment_s=turn_s / 180), begins_s + turn_s
+        faults += supervisor.watch(scan, an_odometry(now_s), now_s)
+    assert set(faults) == ({"scan_stale"} if stale else set())
+
+
+def test_a_scan_stamped_at_its_end_grows_old_as_soon_as_any():
+    supervisor = Supervisor(DIFFBOT)
+    assert supervisor.watch(a_scan(1.0, time_increment_s=0.15 / 179), an_odometry(1.0), 1.0) == ()
+    assert "scan_stale" in supervisor.watch(None, an_odometry(1.3), 1.3)
+
+
+def test_a_pose_of_whole_numbers_is_one():
+    supervisor = Supervisor(DIFFBOT)
+    whole = Odometry(pose=(0, 0, 0), twist=(0, 0), stamp_s=1.0)
+    assert supervisor.watch(a_scan(0.95), whole, 1.0) == ()
+
+
 @pytest.mark.parametrize(
     ("reason", "change"),
     [

@@ -3,6 +3,7 @@
 import dataclasses
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -62,18 +63,31 @@ def test_what_was_passed_is_not_swept_by_the_rear(kind: type[Supervisor], hits: 
     assert sim.b["collided"].any() == hits
 
 
-@pytest.mark.parametrize("reading", [math.nan, 0.0, None])
+@pytest.mark.parametrize("reading", [math.nan, 0.0, -math.inf, None])
 def test_what_is_too_near_to_be_measured_is_not_driven_into(reading: float | None):
-    """A LiDAR that measures from 0.6 m on: a post ahead becomes NaN, 0, or stays below range_min_m."""
+    """A LiDAR that measures from 0.6 m on: a post ahead becomes NaN, 0, -inf, or stays below range_min_m."""
 
     def blind_near(scan: Scan) -> Scan:
         near = scan.ranges < 0.6
         ranges = scan.ranges if reading is None else np.where(near, reading, scan.ranges)
         return dataclasses.replace(scan, ranges=ranges, range_min_m=0.6)
 
-    sim, driven_m = drive(DIFFBOT, [POST_AHEAD] * 4, ahead, 60, channel=blind_near)
+    others = [[0.5, 1.5, 0.3], [-1.0, -1.0, 0.3]]  # so that scans differ
+    world = dataclasses.replace(POST_AHEAD, circles=np.concatenate([POST_AHEAD.circles, others]))
+    sim, driven_m = drive(DIFFBOT, [world] * 4, ahead, 60, channel=blind_near)
     assert not sim.b["collided"].any()
     assert (driven_m > 0.6).all()
+
+
+def test_what_was_never_measured_but_is_nearer_than_the_lidar_measures_may_touch():
+    """A robot wakes up before a pillar that is all -inf to it: it does not drive on, and may turn away."""
+    supervisor = Supervisor(DIFFBOT)
+    front = np.abs(np.arange(180) - 90) < 20
+    for k in range(2):
+        ranges = np.where(front, -math.inf, 3.0 + 1e-3 * k)
+        assert supervisor.watch(a_scan(0.1 * k, ranges=ranges, range_min_m=0.5), at(0.1 * k), 0.1 * k) == ()
+    assert supervisor.limit((0.5, 0.0), 0.1)[1][-1] == "obstacle"
+    assert supervisor.limit((0.0, 1.0), 0.1)[0][1] > 0.0
 
 
 @KINDS
@@ -95,10 +109,10 @@ def test_a_noisy_lidar_does_not_let_the_robot_creep_into_a_post():
 # --- the supervisor -----------------------------------------------------------------------------------------
 
 
-def a_scan(stamp_s: float, range_m: float = 3.0, **changes: float) -> Scan:
-    ranges = np.full(180, range_m) + 1e-3 * math.sin(stamp_s)
-    fields = dict(angle_min_rad=-math.pi, angle_increment_rad=math.pi / 90, range_max_m=6.0, stamp_s=stamp_s)
-    return Scan(ranges=ranges, **(fields | changes))
+def a_scan(stamp_s: float, range_m: float = 3.0, **changes: Any) -> Scan:
+    fields: dict[str, Any] = dict(ranges=np.full(180, range_m) + 1e-3 * math.sin(stamp_s), stamp_s=stamp_s)
+    fields |= dict(angle_min_rad=-math.pi, angle_increment_rad=math.pi / 90, range_max_m=6.0)
+    return Scan(**(fields | changes))
 
 
 def at(stamp_s: float, x_m: float = 0.0, twist: Twist = (0.0, 0.0)) -> Odometry:

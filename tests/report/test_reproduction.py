@@ -324,10 +324,8 @@ def test_claims_are_held_against_every_rival(results: kept.Results) -> None:
     )
     success = claim_of(results, "ADRL has the highest success rate").verdicts[0]
     assert success.word == "does not reproduce", "the planner's is higher"
-    assert (
-        claim_of(results, "ADRL outperforms fixed BC and pure RL in all metrics").verdicts[0].word
-        == success.word
-    )
+    every_metric = claim_of(results, "ADRL outperforms fixed BC (TD3+BC) and pure RL").verdicts[0]
+    assert "does not reproduce" not in every_metric.text(), "the planner is no rival of this one"
 
 
 def test_every_statement_has_a_verdict_or_says_why_not(results: kept.Results) -> None:

@@ -32,6 +32,14 @@ def test_equal_things_in_any_order_are_one_world_and_a_moved_one_makes_another(s
     assert fingerprint(World(bounds=(0.0, 0.0, 1.0, 1.0), circles=circles + noise)) == fingerprint(world)
     circles[rng.integers(len(circles)), rng.integers(3)] += 0.01
     assert fingerprint(dataclasses.replace(world, circles=circles)) != fingerprint(world)
+    square = np.array([[0.0, 0.0], [0.2, 0.0], [0.2, 0.2], [0.0, 0.2]])
+    boxes = tuple(square + rng.uniform(0.0, 1.0, 2) for _ in range(3))
+    listed, otherwise = (World(bounds=(0.0, 0.0, 2.0, 2.0), polygons=b) for b in (boxes, boxes[::-1]))
+    assert (
+        fingerprint(listed)
+        == fingerprint(otherwise)
+        != fingerprint(dataclasses.replace(listed, polygons=boxes[:2]))
+    )
 
 
 @pytest.fixture

@@ -61,6 +61,11 @@ class Scan:
     def __post_init__(self) -> None:
         object.__setattr__(self, "ranges", np.asarray(self.ranges, dtype=np.float64))
 
+    @property
+    def lasts_s(self) -> float:
+        """From its first beam to its last."""
+        return (self.ranges.size - 1) * self.time_increment_s
+
 
 @dataclass(frozen=True, kw_only=True)
 class Odometry:

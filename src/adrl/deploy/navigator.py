@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Command, Odometry, Pose, Reason, Scan, Status, Twist
-from adrl.deploy.policy import MlpPolicy, load_policy
+from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
 from adrl.deploy.setup import setup_of
 from adrl.deploy.supervisor import DEFAULT, Supervisor, SupervisorConfig
 from adrl.errors import ConfigError, PlanningError, UnknownName
@@ -93,8 +93,9 @@ class Navigator:
 
     @classmethod
     def load(cls, run: str | os.PathLike[str], **options: Any) -> Self:
-        """The navigator of a run folder; options are those of the constructor. Raises CheckpointError."""
-        return cls(load_policy(run), **options)
+        """The navigator of a run folder or a shipped policy's name; options are those of the constructor. Raises
+        CheckpointError."""
+        return cls(load_policy(resolve_policy(run)), **options)
 
     def set_goal(self, goal: tuple[float, float], path: Array | None = None) -> None:
         """Drive to (x, y) from the next step on; on the way, turn to it there.

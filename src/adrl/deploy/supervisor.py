@@ -237,7 +237,7 @@ class Supervisor:
         later = bisect.bisect_left([message.stamp_s for message in known], time_s)
         if later == 0:  # older than all that is known
             first = known[0]
-            pose, twist = np.array([first.pose]), np.array([first.twist])
+            pose, twist = np.array([first.pose], np.float64), np.array([first.twist], np.float64)
             x, y, yaw = _core.integrate(pose, twist, time_s - first.stamp_s)[0].tolist()
             return x, y, yaw
         before, after = known[later - 1], known[later]
@@ -252,9 +252,8 @@ class Supervisor:
         if scan is None or not self._sensors.odometry or scan.stamp_s == self._looked_s:
             return
         self._looked_s = scan.stamp_s
-        lasted_s = (scan.ranges.size - 1) * scan.time_increment_s
         first = self._pose_at(scan.stamp_s)
-        last = self._pose_at(scan.stamp_s + lasted_s) if lasted_s > 0.0 else first
+        last = self._pose_at(scan.stamp_s + scan.lasts_s) if scan.lasts_s > 0.0 else first
         self._surroundings.take(scan, first, last)
 
     def _odometry_frozen(self) -> bool:

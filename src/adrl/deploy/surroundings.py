@@ -52,13 +52,18 @@ class Surroundings:
         ranges, told = readings(scan, zero_is_free=self._zero_is_free)
         too_near = (scan.ranges > 0.0) & (scan.ranges < scan.range_min_m)
         ranges = np.where(too_near, scan.ranges, ranges)
+        nearer = np.isneginf(
+            scan.ranges
+        )  # than range_min_m: where an earlier scan has seen it, or it may touch
+        if self._looking is None and nearer.any():
+            ranges = np.where(nearer, self._leaving_m(scan), ranges)
         x, y = self._on_robot(scan, ranges)
         own = self._within_footprint(x, y)
         outside = told & ~own
         hit = (told | too_near) & np.isfinite(ranges) & ~own
         clearance = self._margin_m + self._gap_rad(scan, told | too_near)[hit] * ranges[hit]
         self._former = self._newest[self._is_near(self._newest, last)]
-        self._lasting = self._untold(scan, outside, last)
+        self._lasting = self._untold(scan, outside & ~nearer, last)
         turn = math.remainder(last[2] - first[2], 2.0 * math.pi)
         way = np.array([last[0] - first[0], last[1] - first[1], turn])
         poses = np.array(first)[:, None] + way[:, None] * np.linspace(0.0, 1.0, len(ranges))[hit]
@@ -104,6 +109,15 @@ class Surroundings:
         ahead = np.concatenate([corners[1:], corners[:1]]) - corners
         across = ahead[:, :1] * (y - corners[:, 1:]) - ahead[:, 1:] * (x - corners[:, :1])
         return np.all(across > 0.0, axis=0, keepdims=True)[0]
+
+    def _leaving_m(self, scan: Scan) -> Array:
+        """(K,) range at which each beam leaves the footprint, or range_min_m where that comes first."""
+        inner, outer = np.zeros(len(scan.ranges)), np.full(len(scan.ranges), max(scan.range_min_m, 1e-3))
+        for _ in range(12):
+            middle = 0.5 * (inner + outer)
+            within = self._within_footprint(*self._on_robot(scan, middle))
+            inner, outer = np.where(within, middle, inner), np.where(within, outer, middle)
+        return outer
 
     def _gap_rad(self, scan: Scan, told: Mask) -> Array:
         """(K,) half the angle to the farther of the next beams on both sides that tell something, where told."""

@@ -12,6 +12,8 @@ from adrl.types import RobotConfig
 
 EARLY_PERIODS = 0.5
 """Stamps may be this much ahead of the clock: sensors have clocks of their own."""
+LONGEST_SCAN_S = 1.0
+"""No LiDAR turns slower."""
 MOVED_M, MOVED_RAD = 0.01, 0.02
 """A robot that has moved by so much sees something change."""
 KEPT = 32
@@ -45,6 +47,8 @@ class SensorWatch:
     def forget(self) -> None:
         """As if nothing had ever been received."""
         self.scan: Scan | None = None
+        self._last_beam_s = -math.inf
+        """Of the scan, and no later than when it came: some drivers stamp the end."""
         self.odometry: deque[Odometry] = deque(maxlen=KEPT)
         self._content = b""
         self._first_seen_at: Pose | None = None
@@ -75,7 +79,7 @@ class SensorWatch:
         faults: list[Reason] = []
         if self.scan is None:
             faults.append("no_scan")
-        elif self.scan.stamp_s < oldest_s:
+        elif self._last_beam_s < oldest_s:
             faults.append("scan_stale")
         if last is None:
             faults.append("no_odometry")
@@ -98,16 +102,16 @@ class SensorWatch:
 
     def _take_scan(self, scan: Scan) -> list[Reason]:
         about = (scan.angle_min_rad, scan.angle_increment_rad, scan.stamp_s)
-        lasts_s = (scan.ranges.size - 1) * scan.time_increment_s
         if not (scan.ranges.ndim == 1 and scan.ranges.size > 0 and np.isfinite(about).all()) or (
             scan.angle_increment_rad == 0.0
             or not scan.range_max_m > 0.0
-            or not 0.0 <= lasts_s <= self._max_age_s
+            or not 0.0 <= scan.lasts_s <= LONGEST_SCAN_S
         ):
             return ["scan_invalid"]
         if self.scan is not None and scan.stamp_s <= self.scan.stamp_s:
             return []  # overtaken by a newer one
         self.scan = scan
+        self._last_beam_s = min(scan.stamp_s + scan.lasts_s, self._now_s)
         content = scan.ranges.tobytes()
         here = self.odometry[-1].pose if self.odometry else None
         if content != self._content or self._first_seen_at is None or here is None:

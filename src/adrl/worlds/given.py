@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from adrl.types import Scenario, World
+from adrl.types import Array, Scenario, World
 
 GIVEN = ("barn:", "sdf:")
 """How the names of such scenarios begin."""
@@ -24,11 +24,16 @@ class GivenWorlds(Protocol):
 
 def fingerprint(world: World) -> str:
     """The same for the same things to the millimetre, wherever the file lies, whatever it is called, in any order."""
-    digest = sha256()
-    for part in (world.circles, world.segments, *world.polygons):
-        rows = np.rint(1000.0 * part).astype("<i8")
-        digest.update(f"{rows.shape}".encode() + rows[np.lexsort(rows.T)].tobytes())
-    return digest.hexdigest()[:16]
+    circles, segments, *polygons = (
+        _in_millimetres(p) for p in (world.circles, world.segments, *world.polygons)
+    )
+    return sha256(b"".join((circles, segments, *sorted(polygons)))).hexdigest()[:16]
+
+
+def _in_millimetres(part: Array) -> bytes:
+    """Its rows, in an order of their own."""
+    rows = np.rint(1000.0 * part).astype("<i8")
+    return f"{rows.shape}".encode() + rows[np.lexsort(rows.T)].tobytes()
 
 
 def training_fingerprints(scenario: Scenario) -> set[str]:
