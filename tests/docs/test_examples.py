@@ -86,7 +86,9 @@ def test_a_how_to_runs_with_a_trained_run(page: Path, tmp_path: Path) -> None:
         pytest.skip("Gazebo is not set up; run scripts/gazebo-chroot")
     assert program, "no example in this page"
     shutil.copytree(resolve_policy(DEFAULT), tmp_path / "runs" / "mine")
-    run(program, tmp_path)
+    printed = run(program, tmp_path)
+    for promised in re.findall("It prints `(.+)`", text):
+        assert promised in printed
 
 
 @pytest.mark.slow
