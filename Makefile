@@ -79,7 +79,7 @@ ros2: $(ROS2)/.made ## ROS 2 (Kilted) with the package in .venv-ros2; another: R
 $(ROS2)/.made: constraints.txt constraints-$(ROS2_EXTRA).txt pyproject.toml $(BUILD_FILES) | machine
 	@echo "making $(ROS2)"
 	@test -x $(ROS2)/bin/python || $(PYTHON) -m venv $(ROS2)
-	@$(ROS2_INSTALL) cmake ninja nanobind scikit-build-core
+	@$(ROS2_INSTALL) cmake ninja nanobind scikit-build-core setuptools # empy comes as source: bdist_wheel
 	@$(ROS2_INSTALL) --no-build-isolation -C build-dir=build/$(ROS2) --editable '.[$(ROS2_EXTRA)]'
 	@touch $@
 
