@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from adrl.deploy import Command, Navigator, Odometry, Scan
+from adrl.deploy import Command, MlpPolicy, Navigator, Odometry, Scan
 from adrl.envs import NavSim
 from adrl.types import RobotConfig, Task
 from adrl.worlds import ROBOTS, get_scenario, task_set
@@ -25,9 +25,16 @@ Channel = Callable[[int, int, Scan], Scan | None]
 class Loop:
     """N robots, each with a navigator of its own; what their bases do, and what hits what."""
 
-    def __init__(self, tasks: Sequence[Task], robot: RobotConfig, guidance: str = "map") -> None:
+    def __init__(
+        self,
+        tasks: Sequence[Task],
+        robot: RobotConfig,
+        guidance: str = "map",
+        policy: MlpPolicy | None = None,
+    ) -> None:
+        """policy: the shipped one when None."""
         self.robot, self.guidance = robot, guidance
-        self.policy = a_policy(robot)
+        self.policy = policy or a_policy(robot)
         self.sim = NavSim(len(tasks), robot, guidance=guidance, maturity=self.policy.config.maturity)
         everyone = np.arange(len(tasks))
         self.sim.reset(everyone, tasks, everyone.astype(np.uint64), np.random.default_rng(0))

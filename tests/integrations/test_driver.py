@@ -3,8 +3,9 @@
 import dataclasses
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +17,8 @@ from adrl.integrations.ros.config import DriveConfig, SimConfig, with_parameters
 from adrl.integrations.ros.robot import WATCHDOG_PERIODS, SimulatedRobot
 from adrl.poses import compose, inverse
 from adrl.types import RobotConfig, Task, World
-from adrl.worlds import ROBOTS, single_task
+from adrl.worlds import ROBOTS, single_task, task_set
+from adrl.worlds.map_scenario import MapScenario
 from deploy.recorded import a_policy, as_scan
 from env_tasks import room
 
@@ -474,3 +476,35 @@ def test_the_simulated_base_has_a_watchdog_and_counts_what_it_hits() -> None:
     base.command((math.nan, 0.0))
     base.advance()
     assert np.isfinite(base.pose).all()
+
+
+# --- robots that are held -----------------------------------------------------------------------------------
+
+
+class Lossy(Loop):
+    """On a map, localised; one command in ten is lost."""
+
+    def __init__(self, a_map: Path, tasks: Sequence[Task], seed: int) -> None:
+        super().__init__()
+        self.base = SimulatedRobot(tasks[0], ROBOT, seed)
+        self.driver = DriveConfig(map=a_map).driver()
+        self.rng = np.random.default_rng(seed)
+
+    def _obey(self, report: Report | None) -> None:
+        if report is not None and self.rng.random() < 0.1:
+            report = dataclasses.replace(report, send=False)
+        super()._obey(report)
+
+
+@pytest.mark.slow
+def test_of_many_goals_in_a_row_none_is_waited_for_for_ever(shared_data: Path) -> None:
+    """Without recovery the robot ends beside a pillar that the policy hugs, in about one of 300 goals."""
+    a_map = shared_data / "maps" / "turtlebot3_world" / "map.yaml"
+    tasks = task_set(MapScenario(a_map), ROBOT, "test", 201)
+    loop = Lossy(a_map, tasks, 6)
+    loop.run(2, localised=True)
+    for number in loop.rng.permutation(range(1, 201)):
+        loop.driver.set_goal(tasks[number].goal, "map")
+        assert loop.until_ended(600, localised=True).outcome == "reached"
+    assert loop.base.collisions == 0
+    assert any("recovering" in report.command.reasons for report in loop.reports)

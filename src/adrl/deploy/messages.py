@@ -33,8 +33,9 @@ Reason = Literal[
     "limited",
     "unseen",
     "obstacle",
+    "recovering",
 ]
-"""Why a command is not the one asked for; docs/how-to/robot.md explains each. All but the last three stop the robot."""
+"""Why a command is not the one asked for; docs/how-to/robot.md explains each. All but the last four stop the robot."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

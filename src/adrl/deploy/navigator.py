@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Command, Odometry, Pose, Reason, Scan, Status, Twist
 from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
+from adrl.deploy.recovery import Recovery
 from adrl.deploy.setup import setup_of
 from adrl.deploy.supervisor import DEFAULT, Supervisor, SupervisorConfig
 from adrl.errors import ConfigError, PlanningError, UnknownName
@@ -72,6 +73,7 @@ class Navigator:
             if supervisor is None
             else Supervisor(self.robot, supervisor, mount=mount, zero_is_free=zero_is_free)
         )
+        self._recovery = None if self.supervisor is None else Recovery(self.supervisor)
         self.goal: tuple[float, float] | None = None
         self._adapter = LidarAdapter(self.robot.lidar, mount, zero_is_free=zero_is_free)
         self._encoder = ObservationEncoder(self.robot, setup.encoder)
@@ -164,7 +166,7 @@ class Navigator:
         measured = np.array([odometry.twist])
         seen = self._encoder.encode(ranges, towards, measured, self._action, self._history)
         self._action = self.policy.act(seen)
-        twist, reasons = self._limit(now_s)
+        twist, reasons = self._limit(odometry.pose, towards[0], now_s)
         self._under_way, self._new_goal, self._interrupted = True, False, False
         self._last = (place, now_s)
         return Command(
@@ -182,13 +184,17 @@ class Navigator:
         missing: dict[Reason, object] = {"no_scan": scan, "no_odometry": odometry}
         return tuple(reason for reason, message in missing.items() if message is None)
 
-    def _limit(self, now_s: float) -> tuple[Twist, tuple[Reason, ...]]:
-        """What is sent instead of the policy's action."""
-        v, w = to_twist(self._action, self.robot)[0]
-        if self.supervisor is None:
-            return (float(v), float(w)), ()
-        twist, reasons = self.supervisor.limit((float(v), float(w)), now_s)
-        if "obstacle" in reasons:  # the policy sees what the base was told
+    def _limit(self, reckoned: Pose, towards: Array, now_s: float) -> tuple[Twist, tuple[Reason, ...]]:
+        """What is sent instead of the policy's action. towards: (2,) the waypoint in the robot's frame."""
+        v, w = to_twist(self._action, self.robot)[0].tolist()
+        if self.supervisor is None or self._recovery is None:
+            return (v, w), ()
+        recovery = self._recovery.twist(reckoned, math.atan2(towards[1], towards[0]), now_s)
+        twist, reasons = self.supervisor.limit(recovery or (v, w), now_s)
+        self._recovery.watch(reckoned, "obstacle" in reasons, now_s)
+        if recovery is not None:
+            reasons = ("recovering", *reasons)
+        if recovery is not None or "obstacle" in reasons:  # the policy sees what the base was told
             self._action = to_action(np.array([twist]), self.robot)
         return twist, reasons
 
@@ -201,8 +207,9 @@ class Navigator:
         *,
         has_base: bool = True,
     ) -> Command:
-        if self.supervisor is not None:
+        if self.supervisor is not None and self._recovery is not None:
             (self.supervisor.stop if has_base else self.supervisor.stand_by)(now_s, reasons)
+            self._recovery.forget()
         self._interrupted = True
         self._action = to_action(np.zeros((1, 2)), self.robot)
         return Command(

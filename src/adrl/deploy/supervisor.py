@@ -27,6 +27,10 @@ SLOWER = (1.0, 0.75, 0.5, 0.25, 0.0)
 """Parts of the speed asked for that are tried in turn, at the same yaw rate."""
 NOISE_STDS = 2.0
 """Standard deviations of the LiDAR's noise that are the least distance to keep: nearer, noise hides what is there."""
+GENTLE = 0.5
+"""Part of the robot's greatest speeds at which a way is looked at, and driven in a recovery."""
+FREE_M = 0.03
+"""A way is free that comes no nearer to anything than by so much more than the braking check asks for."""
 STANDSTILL: Twist = (0.0, 0.0)
 REMEMBERED_S = 1.0
 """Commands of so long ago still count when odometry is asked whether it has moved."""
@@ -174,6 +178,19 @@ class Supervisor:
         if chosen != command:
             reasons.append("obstacle")
         return self._send(chosen, tuple(reasons), now_s)
+
+    def could_drive(self, turn_rad: float, way_m: float, now_s: float) -> bool:
+        """Whether the robot, at rest, could turn on the spot, to the left if above 0, and drive straight on for so far;
+        after watch() without faults."""
+        x, y, yaw = self._pose_at(now_s)
+        hits = self._surroundings.seen_from((x, y, yaw))
+        yaw_rate = math.copysign(GENTLE * self.robot.max_yaw_rate_radps, turn_rad)
+        turning = np.array([[0.0, yaw_rate, turn_rad / yaw_rate]])
+        if not self._base.stays_clear(STANDSTILL, turning, hits):
+            return False
+        hits = self._surroundings.seen_from((x, y, yaw + turn_rad)) + np.array([0.0, 0.0, FREE_M])
+        speed = GENTLE * self.robot.max_speed_mps
+        return self._base.stays_clear(STANDSTILL, np.array([[speed, 0.0, way_m / speed]]), hits)
 
     def _send(
         self, twist: Twist, reasons: tuple[Reason, ...], now_s: float
