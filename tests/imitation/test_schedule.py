@@ -1,6 +1,7 @@
 """Laws of the schedule (eqs 3, 5, 13) and of the loop S -> weights -> Q -> S."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -88,9 +89,33 @@ def test_maturity_stays_zero_in_the_warm_up_whatever_the_critic_says():
     assert path[5] > 0.0
 
 
+PATIENT = replace(CONFIG, patience_updates=1e300)
+"""Q_max stays the expert's return."""
+
+
 @given(unit)
 def test_a_steady_value_is_reached(value: float):
-    assert math.isclose(run([value] * 400)[-1], value, abs_tol=0.01)
+    assert math.isclose(run([value] * 400, PATIENT)[-1], value, abs_tol=0.01)
+
+
+@given(st.floats(0.05, 1.0))
+def test_where_the_critic_settles_short_of_the_expert_the_release_is_completed_all_the_same(value: float):
+    """After patience_updates the gap of Q_max has closed by 63 %, by hand; in the end S is 1."""
+    settled = [value] * round(CONFIG.patience_updates / DT)
+    expected = value / (value + math.exp(-1.0) * (1.0 - value))
+    assert run(settled)[-1] == pytest.approx(expected, abs=0.05)
+    assert run(settled * 8)[-1] == pytest.approx(1.0, abs=0.02)
+
+
+def test_a_critic_that_goes_on_rising_raises_the_bound_again():
+    """From 0.3, where Q_max has come down to, to 0.9: S does not exceed what is measured against the new bound."""
+    path = run([0.3] * 400 + [0.9] * 100)
+    assert path[399] > 0.95
+    assert path[-1] <= 1.0
+    state = MaturityState(lowest=0.0, reach=0.3, average=0.3, maturity=1.0)
+    for _ in range(100):
+        state = update(state, 0.9, Bounds(0.0, 1.0), DT, CONFIG)
+    assert state.reach == pytest.approx(0.9, abs=0.01)
 
 
 def test_a_collapse_of_the_critic_barely_takes_the_release_back():
@@ -108,7 +133,7 @@ def test_the_loop_through_the_weights_settles(lag_updates: float, feedback: floa
     state, q, path = MaturityState(lowest=0.0), 0.0, []
     for _ in range(1500):
         q += (1.0 - math.exp(-DT / lag_updates)) * (0.9 - feedback * state.maturity - q)
-        state = update(state, q, Bounds(0.0, 1.0), DT, CONFIG)
+        state = update(state, q, Bounds(0.0, 1.0), DT, PATIENT)
         path.append(state.maturity)
     balance = 0.9 / (1.0 + feedback)
     assert math.isclose(path[-1], balance, abs_tol=1e-3)
@@ -178,7 +203,7 @@ def test_what_a_cold_critic_promises_is_no_maturity():
     """Chance earns -2, the expert 1, and a critic that knows nothing says 0: S starts at 0 and is 1/2 at 0.5."""
     state, path = MaturityState(), []
     for value in [0.0] * 5 + [0.5] * 100:
-        state = update(state, value, Bounds(-2.0, 1.0), DT, CONFIG)
+        state = update(state, value, Bounds(-2.0, 1.0), DT, PATIENT)
         path.append(state.maturity)
     assert path[4] == 0.0
     assert math.isclose(path[-1], 0.5, abs_tol=0.01)

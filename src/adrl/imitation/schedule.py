@@ -46,6 +46,9 @@ class ScheduleConfig:
     """Updates that S takes at the least from 0 to 1."""
     fall_updates: float = 30000.0
     """Updates that S takes at the least from 1 to 0. Far more than rise_updates: the ratchet."""
+    patience_updates: float = 4000.0
+    """Time constant with which Q_max comes down from the expert's return to what the critic settles at: an expert that
+    knows the map earns what a policy without one never will."""
     interval_updates: int = 100
     """Updates between two measurements."""
     eq2: Form = "corrected"
@@ -75,6 +78,7 @@ class ScheduleConfig:
             "smoothing_updates",
             "rise_updates",
             "fall_updates",
+            "patience_updates",
             "interval_updates",
             "clock_updates",
         ):
@@ -116,9 +120,12 @@ class MaturityState(NamedTuple):
     statistic: float | None = None
     """Q(t), the last value measured (eq 2); None before the first."""
     lowest: float | None = None
-    """The first statistic, of a critic that has just begun to learn. Literal eq 13: the least so far, Q_min."""
+    """What the first statistic measured, of a critic that has just begun to learn, as a share of the way from chance's
+    return to the expert's: the weights of then are not today's. Literal eq 13: the least statistic so far, Q_min."""
     highest: float | None = None
     """Q_max of the literal eq 13."""
+    reach: float = 1.0
+    """Share of the way from Q_min to the expert's return at which Q_max lies today."""
 
 
 class Bounds(NamedTuple):
@@ -188,12 +195,16 @@ def update(
         measured = measured_maturity(statistic, Bounds(lowest, highest))
         return MaturityState(measured, measured, updates, statistic, lowest, highest)
     # A critic that has hardly learnt promises more than chance earns: that is no maturity yet.
-    cold = statistic if state.lowest is None else state.lowest
-    bounds = Bounds(max(bounds.low, cold), bounds.high)
+    measured = measured_maturity(statistic, bounds)
+    cold = measured if state.lowest is None else state.lowest
     if updates <= config.warmup_updates:
         return MaturityState(updates=updates, statistic=statistic, lowest=cold)
     gain = 1.0 - math.exp(-dt_updates / config.smoothing_updates)
-    average = state.average + gain * (measured_maturity(statistic, bounds) - state.average)
+    since_cold = max(measured - cold, 0.0) / max(1.0 - cold, 1e-6)
+    average = state.average + gain * (since_cold - state.average)
     most, least = dt_updates / config.rise_updates, -dt_updates / config.fall_updates
-    change = min(max(average - state.maturity, least), most)
-    return MaturityState(min(max(state.maturity + change, 0.0), 1.0), average, updates, statistic, cold)
+    lowered = 1.0 - math.exp(-dt_updates / config.patience_updates)
+    reach = max(state.reach + lowered * (average - state.reach), average, 1e-6)
+    change = min(max(average / reach - state.maturity, least), most)
+    maturity = min(max(state.maturity + change, 0.0), 1.0)
+    return MaturityState(maturity, average, updates, statistic, cold, reach=reach)
