@@ -218,6 +218,7 @@ class Learner:
     def row(self) -> dict[str, float | int | None]:
         """The learner's part of a metrics row."""
         info, statistic = self._info, self._schedule.statistic
+        bounds = schedule.bounds_in_use(self._schedule, self.bounds)
         return {
             "updates": self.updates,
             "S": self.maturity,
@@ -227,8 +228,8 @@ class Learner:
             "critic_loss": None if info is None else float(info.critic_loss),
             "expert_fraction": self.expert_rows / self._config.td3.batch_size,
             "statistic": float("nan") if statistic is None else statistic,
-            "q_min": self.bounds.low,
-            "q_max": self.bounds.high,
+            "q_min": bounds.low,
+            "q_max": bounds.high,
         }
 
     def arrays(self) -> dict[str, NDArray[Any]]:

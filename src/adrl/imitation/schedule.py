@@ -15,6 +15,11 @@ EQUATIONS = ("eq2", "eq3", "eq5", "eq13")
 """The equations that have two forms."""
 MOST_EXPONENT = 35.0
 """exp() is cut here in the literal eqs 3 and 5: float32 goes up to exp(88), and Adam squares the gradient."""
+LEAST_REACH = 0.25
+"""Q_max comes no nearer to Q_min than this share of the way to the expert's return: a critic that settles lower has
+not learnt, and its noise is no maturity. It also bounds the gain of the loop from S through the weights to S."""
+MOST_COLD = 0.9
+"""A cold critic that promises more than this share of what the expert earns counts as one that promises so much."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +52,8 @@ class ScheduleConfig:
     fall_updates: float = 30000.0
     """Updates that S takes at the least from 1 to 0. Far more than rise_updates: the ratchet."""
     patience_updates: float = 4000.0
-    """Time constant with which Q_max comes down from the expert's return to what the critic settles at: an expert that
-    knows the map earns what a policy without one never will."""
+    """Time constant with which Q_max comes down from the expert's return towards where the critic is, if that is lower:
+    an expert that knows the map earns what a policy without one never will. 1e9 and it stays the expert's."""
     interval_updates: int = 100
     """Updates between two measurements."""
     eq2: Form = "corrected"
@@ -120,19 +125,21 @@ class MaturityState(NamedTuple):
     statistic: float | None = None
     """Q(t), the last value measured (eq 2); None before the first."""
     lowest: float | None = None
-    """What the first statistic measured, of a critic that has just begun to learn, as a share of the way from chance's
-    return to the expert's: the weights of then are not today's. Literal eq 13: the least statistic so far, Q_min."""
+    """Q_min of the literal eq 13, the least statistic so far."""
     highest: float | None = None
     """Q_max of the literal eq 13."""
+    cold: float | None = None
+    """Where the first statistic lay, of a critic that has just begun to learn: a share of the way from chance's return
+    to the expert's, as the weights of then are not today's."""
     reach: float = 1.0
-    """Share of the way from Q_min to the expert's return at which Q_max lies today."""
+    """Where Q_max lies: a share of the way from Q_min to the expert's return."""
 
 
 class Bounds(NamedTuple):
-    """Q_min and Q_max of eq 13, in the reward's units, under the weights that hold today."""
+    """What chance and the expert earn from the probe's states, in the reward's units, under today's weights."""
 
     low: float
-    """Mean discounted return of a random policy from the probe's start states."""
+    """Mean discounted return of a random policy."""
     high: float
     """The same of the demonstrations."""
 
@@ -172,6 +179,14 @@ def measured_maturity(statistic: float, bounds: Bounds) -> float:
     return min(max((statistic - bounds.low) / span, 0.0), 1.0)
 
 
+def bounds_in_use(state: MaturityState, bounds: Bounds) -> Bounds:
+    """Q_min and Q_max that S is measured between. bounds: of the probe."""
+    if state.lowest is not None and state.highest is not None:
+        return Bounds(state.lowest, state.highest)
+    low = bounds.low + (state.cold or 0.0) * (bounds.high - bounds.low)
+    return Bounds(low, low + state.reach * (bounds.high - low))
+
+
 def update(
     state: MaturityState, statistic: float, bounds: Bounds, dt_updates: int, config: ScheduleConfig
 ) -> MaturityState:
@@ -196,15 +211,15 @@ def update(
         return MaturityState(measured, measured, updates, statistic, lowest, highest)
     # A critic that has hardly learnt promises more than chance earns: that is no maturity yet.
     measured = measured_maturity(statistic, bounds)
-    cold = measured if state.lowest is None else state.lowest
+    cold = min(measured, MOST_COLD) if state.cold is None else state.cold
     if updates <= config.warmup_updates:
-        return MaturityState(updates=updates, statistic=statistic, lowest=cold)
+        return MaturityState(updates=updates, statistic=statistic, cold=cold)
     gain = 1.0 - math.exp(-dt_updates / config.smoothing_updates)
-    since_cold = max(measured - cold, 0.0) / max(1.0 - cold, 1e-6)
+    since_cold = max(measured - cold, 0.0) / (1.0 - cold)
     average = state.average + gain * (since_cold - state.average)
     most, least = dt_updates / config.rise_updates, -dt_updates / config.fall_updates
     lowered = 1.0 - math.exp(-dt_updates / config.patience_updates)
-    reach = max(state.reach + lowered * (average - state.reach), average, 1e-6)
+    reach = max(state.reach + lowered * (average - state.reach), average, LEAST_REACH)
     change = min(max(average / reach - state.maturity, least), most)
     maturity = min(max(state.maturity + change, 0.0), 1.0)
-    return MaturityState(maturity, average, updates, statistic, cold, reach=reach)
+    return MaturityState(maturity, average, updates, statistic, cold=cold, reach=reach)
