@@ -140,8 +140,8 @@ def test_the_loop_through_the_weights_settles(lag_updates: float, feedback: floa
         q += (1.0 - math.exp(-DT / lag_updates)) * (0.9 - feedback * state.maturity - q)
         state = update(state, q, Bounds(0.0, 1.0), DT, config)
         path.append(state.maturity)
-    # 0.9 - feedback S = reach S, where reach is 1, or has come down as far as it may or to the value, at S = 1.
-    balance = min(0.9 / (1.0 + feedback), 1.0) if config is PATIENT else min(0.9 / (LEAST_REACH + feedback), 1.0)
+    # 0.9 - feedback S = reach S, where reach is 1, or has come down as far as it may.
+    balance = 0.9 / ((1.0 if config is PATIENT else LEAST_REACH) + feedback)
     assert math.isclose(path[-1], balance, abs_tol=2e-3)
     after_peak = path[path.index(max(path)) :]
     assert min(after_peak) > balance - 0.03
@@ -152,7 +152,14 @@ def test_the_loop_through_the_weights_settles(lag_updates: float, feedback: floa
 
 @pytest.mark.parametrize(
     "bad",
-    [{"alpha_max": 1.5}, {"alpha_min": 0.6}, {"k_q": math.nan}, {"lambda_max": -1.0}, {"rise_updates": 0.0}, {"patience_updates": 0.0}],
+    [
+        {"alpha_max": 1.5},
+        {"alpha_min": 0.6},
+        {"k_q": math.nan},
+        {"lambda_max": -1.0},
+        {"rise_updates": 0.0},
+        {"patience_updates": 0.0},
+    ],
 )
 def test_bad_constants_are_refused_by_name(bad: dict[str, float]):
     with pytest.raises(ConfigError, match=next(iter(bad))):
@@ -212,7 +219,9 @@ def test_what_a_cold_critic_promises_is_no_maturity(later: Bounds):
     It is 1/2 at five sixths of the way, under the weights of then or others that have other bounds.
     """
     state, path = MaturityState(), []
-    for value, bounds in [(0.0, Bounds(-2.0, 1.0))] * 5 + [(later.low + 5 / 6 * (later.high - later.low), later)] * 100:
+    for value, bounds in [(0.0, Bounds(-2.0, 1.0))] * 5 + [
+        (later.low + 5 / 6 * (later.high - later.low), later)
+    ] * 100:
         state = update(state, value, bounds, DT, PATIENT)
         path.append(state.maturity)
     assert path[4] == 0.0

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Command, Odometry, Pose, Reason, Scan, Status, Twist
 from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
-from adrl.deploy.recovery import Recovery
+from adrl.deploy.recovery import WAY_M, Recovery
 from adrl.deploy.setup import setup_of
 from adrl.deploy.supervisor import DEFAULT, Supervisor, SupervisorConfig
 from adrl.errors import ConfigError, PlanningError, UnknownName
@@ -33,6 +33,8 @@ GOAL_TOLERANCE_M = 0.3
 """Distance to the goal at which it is reached, as in training."""
 RELOCALISED_M = 0.5
 """A pose on the map that jumps by so much more than the robot can drive is a new start for the path."""
+NEW_FRAME = frozenset[Reason](("odometry_jumped", "clock_jumped"))
+"""After these, what was known of places and times is so no more."""
 F32 = NDArray[np.float32]
 ONE = np.array([0])
 """The only robot, where kernels take many."""
@@ -54,9 +56,11 @@ class Navigator:
         zero_is_free: bool = False,
         goal_tolerance_m: float = GOAL_TOLERANCE_M,
         supervisor: SupervisorConfig | None = DEFAULT,
+        recovery: bool = True,
     ) -> None:
         """guidance: as trained when None. world: the known map of guidance `map`. mount: of the robot's LiDAR, as
         trained when None; zero_is_free: see LidarAdapter. supervisor: None drives without one: in simulation only.
+        recovery: a robot that the supervisor holds for long turns to a free way by itself.
 
         Raises CheckpointError, UnknownName and ConfigError.
         """
@@ -73,7 +77,7 @@ class Navigator:
             if supervisor is None
             else Supervisor(self.robot, supervisor, mount=mount, zero_is_free=zero_is_free)
         )
-        self._recovery = None if self.supervisor is None else Recovery(self.supervisor)
+        self._recovery = Recovery(self.supervisor) if recovery and self.supervisor is not None else None
         self.goal: tuple[float, float] | None = None
         self._adapter = LidarAdapter(self.robot.lidar, mount, zero_is_free=zero_is_free)
         self._encoder = ObservationEncoder(self.robot, setup.encoder)
@@ -108,7 +112,9 @@ class Navigator:
             raise ConfigError(f"goal {goal} is not finite; give metres")
         if path is not None and self._map is None:
             raise ConfigError(f"guidance {self.guidance} follows no path; leave it out, or give guidance map")
-        self.goal = (float(goal[0]), float(goal[1]))
+        before, self.goal = self.goal, (float(goal[0]), float(goal[1]))
+        if self._recovery is not None and (before is None or math.dist(before, self.goal) > WAY_M):
+            self._recovery.forget()  # a goal that localisation has moved a little is no new one
         self._path = path
         self._new_goal = True
 
@@ -166,7 +172,7 @@ class Navigator:
         measured = np.array([odometry.twist])
         seen = self._encoder.encode(ranges, towards, measured, self._action, self._history)
         self._action = self.policy.act(seen)
-        twist, reasons = self._limit(odometry.pose, towards[0], now_s)
+        twist, reasons = self._limit(towards[0], now_s)
         self._under_way, self._new_goal, self._interrupted = True, False, False
         self._last = (place, now_s)
         return Command(
@@ -184,17 +190,20 @@ class Navigator:
         missing: dict[Reason, object] = {"no_scan": scan, "no_odometry": odometry}
         return tuple(reason for reason, message in missing.items() if message is None)
 
-    def _limit(self, reckoned: Pose, towards: Array, now_s: float) -> tuple[Twist, tuple[Reason, ...]]:
+    def _limit(self, towards: Array, now_s: float) -> tuple[Twist, tuple[Reason, ...]]:
         """What is sent instead of the policy's action. towards: (2,) the waypoint in the robot's frame."""
         v, w = to_twist(self._action, self.robot)[0].tolist()
-        if self.supervisor is None or self._recovery is None:
+        if self.supervisor is None:
             return (v, w), ()
-        recovery = self._recovery.twist(reckoned, math.atan2(towards[1], towards[0]), now_s)
-        twist, reasons = self.supervisor.limit(recovery or (v, w), now_s)
-        self._recovery.watch(reckoned, "obstacle" in reasons, now_s)
-        if recovery is not None:
-            reasons = ("recovering", *reasons)
-        if recovery is not None or "obstacle" in reasons:  # the policy sees what the base was told
+        helped = None
+        if self._recovery is not None:
+            helped = self._recovery.twist(math.atan2(towards[1], towards[0]), now_s)
+        twist, reasons = self.supervisor.limit(helped or (v, w), now_s)
+        if self._recovery is not None:
+            self._recovery.watch("obstacle" in reasons, now_s)
+        if helped is not None:
+            reasons = (*reasons, "recovering")
+        if helped is not None or "obstacle" in reasons:  # the policy sees what the base was told
             self._action = to_action(np.array([twist]), self.robot)
         return twist, reasons
 
@@ -207,8 +216,9 @@ class Navigator:
         *,
         has_base: bool = True,
     ) -> Command:
-        if self.supervisor is not None and self._recovery is not None:
+        if self.supervisor is not None:
             (self.supervisor.stop if has_base else self.supervisor.stand_by)(now_s, reasons)
+        if self._recovery is not None and (status != "stopped" or not NEW_FRAME.isdisjoint(reasons)):
             self._recovery.forget()
         self._interrupted = True
         self._action = to_action(np.zeros((1, 2)), self.robot)

@@ -9,16 +9,24 @@ import math
 from dataclasses import dataclass
 
 from adrl.deploy.messages import Pose, Twist
-from adrl.deploy.supervisor import GENTLE, Supervisor
+from adrl.deploy.supervisor import Supervisor
+from adrl.types import RobotConfig
 
 LOG = logging.getLogger("adrl.deploy")
 
-PATIENCE_S = 2.0
-"""Without progress for so long, and held by an obstacle in most of its steps, the robot needs help."""
+PATIENCE_S = 3.0
+"""A robot that has come nowhere in this time, and was held by an obstacle in half of it, needs help. Longer than the
+replanner's window (2 s), so that a new route comes first."""
 PROGRESS_M = 0.1
 """Driving so far is progress."""
+PROGRESS_RAD, MOST_TURNED_RAD = 0.5, math.pi
+"""Turning so far is progress as well, but not beyond this in one place."""
 WAY_M = 0.3
 """Driven until the policy has the robot back."""
+AWAY_M = 1.0
+"""So far from where it was held first, the robot has got away from there."""
+MOST_TRIES = 6
+"""Ways that are tried from one place. Then it is left held, as it was without help."""
 TURNS_RAD = tuple(math.radians(degrees) for degrees in range(-165, 181, 15))
 """Looked at for a free way."""
 AHEAD_RAD = 0.15
@@ -35,57 +43,77 @@ class _Way:
 
 
 class Recovery:
-    """Of one robot behind its supervisor. Poses and headings are in the odometry's frame."""
+    """Of one robot behind its supervisor, whose odometry's frame is that of poses and headings."""
 
     def __init__(self, supervisor: Supervisor) -> None:
         self._supervisor = supervisor
         self.forget()
 
     def forget(self) -> None:
-        """The robot has stood, or another drove it."""
+        """Another goal, another driver, or another frame of the odometry."""
         self._way: _Way | None = None
-        self._begin(None, -math.inf)
+        self._held_at: Pose | None = None
+        """Where the first way was looked for."""
         self._tries = 0
+        self._begin(None, -math.inf)
+        self._turned_rad = 0.0
 
-    def twist(self, pose: Pose, bearing_rad: float, now_s: float) -> Twist | None:
+    def twist(self, bearing_rad: float, now_s: float) -> Twist | None:
         """What to ask for instead of the policy's command; None for that. bearing_rad: to the waypoint."""
-        way, robot = self._way, self._supervisor.robot
-        if way is not None and (math.dist(pose[:2], way.start[:2]) >= WAY_M or now_s >= way.until_s):
+        pose, way = self._supervisor.pose_at(now_s), self._way
+        if way is not None and (_between_m(pose, way.start) >= WAY_M or now_s >= way.until_s):
             way = self._way = None
             self._begin(pose, now_s)
-        if way is None and now_s - self._since_s > PATIENCE_S and 2 * self._held > self._steps:
-            way = self._way = self._free_way(pose, bearing_rad, now_s)
+        if way is None and now_s - self._since_s > PATIENCE_S:
+            if self._held_s > 0.5 * PATIENCE_S:
+                way = self._way = self._free_way(pose, bearing_rad, now_s)
             self._begin(pose, now_s)
         if way is None:
             return None
         turn = math.remainder(way.heading_rad - pose[2], 2.0 * math.pi)
-        fastest = GENTLE * robot.max_yaw_rate_radps
-        speed = GENTLE * robot.max_speed_mps if abs(turn) < AHEAD_RAD else 0.0
-        return speed, min(max(2.0 * turn, -fastest), fastest)
+        speed, yaw_rate = self._supervisor.gently
+        return (speed if abs(turn) < AHEAD_RAD else 0.0), min(max(2.0 * turn, -yaw_rate), yaw_rate)
 
-    def watch(self, pose: Pose, held: bool, now_s: float) -> None:
+    def watch(self, held: bool, now_s: float) -> None:
         """A step has been driven; held: by an obstacle."""
-        if self._start is None or math.dist(pose[:2], self._start[:2]) > PROGRESS_M:
+        pose = self._supervisor.pose_at(now_s)
+        if self._held_at is not None and _between_m(pose, self._held_at) > AWAY_M:
+            self._held_at, self._tries = None, 0
+        if self._start is None or _between_m(pose, self._start) > PROGRESS_M:
             self._begin(pose, now_s)
-            if self._way is None:
-                self._tries = 0
-        self._steps += 1
-        self._held += held
+            self._turned_rad = 0.0
+        elif self._turned_rad < MOST_TURNED_RAD:
+            turned = abs(math.remainder(pose[2] - self._start[2], 2.0 * math.pi))
+            if turned > PROGRESS_RAD:
+                self._begin(pose, now_s)
+                self._turned_rad += turned
+        self._held_s += held * self._supervisor.robot.control_period_s
 
     def _begin(self, pose: Pose | None, now_s: float) -> None:
         """Count from here."""
-        self._start, self._since_s = pose, now_s
-        self._steps = self._held = 0
+        self._start, self._since_s, self._held_s = pose, now_s, 0.0
 
     def _free_way(self, pose: Pose, bearing_rad: float, now_s: float) -> _Way | None:
-        """That nearest to the waypoint's direction; at the next try the next, and so on."""
+        """That nearest to the waypoint's direction; from the same place the next time the next, and so on."""
         turns = sorted(TURNS_RAD, key=lambda turn: abs(math.remainder(turn - bearing_rad, 2.0 * math.pi)))
         free = [turn for turn in turns if self._supervisor.could_drive(turn, WAY_M, now_s)]
-        if not free:
+        if not free or self._tries >= MOST_TRIES:
             return None
         turn = free[self._tries % len(free)]
         self._tries += 1
-        robot = self._supervisor.robot
-        takes_s = abs(turn) / (GENTLE * robot.max_yaw_rate_radps) + WAY_M / (GENTLE * robot.max_speed_mps)
-        LOG.info("held by an obstacle: turning by %.0f degrees to a free way", math.degrees(turn))
-        return _Way(pose[2] + turn, pose, now_s + takes_s + SPARE_S)
+        self._held_at = self._held_at or pose
+        again = "" if self._tries < MOST_TRIES else ", for the last time from here"
+        LOG.info("held by an obstacle: turning by %.0f degrees to a free way%s", math.degrees(turn), again)
+        return _Way(pose[2] + turn, pose, now_s + self._takes_s(turn) + SPARE_S)
+
+    def _takes_s(self, turn_rad: float) -> float:
+        """Turn and way, each from rest to rest."""
+        robot: RobotConfig = self._supervisor.robot
+        speed, yaw_rate = self._supervisor.gently
+        turning_s = abs(turn_rad) / yaw_rate + 2.0 * yaw_rate / robot.max_yaw_acceleration_radps2
+        driving_s = WAY_M / speed + 2.0 * speed / robot.max_acceleration_mps2
+        return turning_s + driving_s + 2.0 * (robot.latency_s + 3.0 * robot.lag_s)
+
+
+def _between_m(a: Pose, b: Pose) -> float:
+    return math.dist(a[:2], b[:2])

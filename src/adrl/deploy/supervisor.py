@@ -28,9 +28,9 @@ SLOWER = (1.0, 0.75, 0.5, 0.25, 0.0)
 NOISE_STDS = 2.0
 """Standard deviations of the LiDAR's noise that are the least distance to keep: nearer, noise hides what is there."""
 GENTLE = 0.5
-"""Part of the robot's greatest speeds at which a way is looked at, and driven in a recovery."""
+"""Part of the robot's greatest speeds that is gentle."""
 FREE_M = 0.03
-"""A way is free that comes no nearer to anything than by so much more than the braking check asks for."""
+"""A free way keeps so much more clearance than the braking check asks for; of what is nearer already, it leads away."""
 STANDSTILL: Twist = (0.0, 0.0)
 REMEMBERED_S = 1.0
 """Commands of so long ago still count when odometry is asked whether it has moved."""
@@ -179,17 +179,21 @@ class Supervisor:
             reasons.append("obstacle")
         return self._send(chosen, tuple(reasons), now_s)
 
+    @property
+    def gently(self) -> Twist:
+        """Speed and yaw rate at which could_drive() looks at a way."""
+        return GENTLE * self.robot.max_speed_mps, GENTLE * self.robot.max_yaw_rate_radps
+
     def could_drive(self, turn_rad: float, way_m: float, now_s: float) -> bool:
-        """Whether the robot, at rest, could turn on the spot, to the left if above 0, and drive straight on for so far;
-        after watch() without faults."""
-        x, y, yaw = self._pose_at(now_s)
-        hits = self._surroundings.seen_from((x, y, yaw))
-        yaw_rate = math.copysign(GENTLE * self.robot.max_yaw_rate_radps, turn_rad)
-        turning = np.array([[0.0, yaw_rate, turn_rad / yaw_rate]])
-        if not self._base.stays_clear(STANDSTILL, turning, hits):
+        """Whether the robot, at rest, could turn on the spot (above 0: to the left) and then drive straight on so far;
+        after watch() without faults.
+        """
+        speed, yaw_rate = self.gently
+        x, y, yaw = self.pose_at(now_s)
+        turning = np.array([[0.0, math.copysign(yaw_rate, turn_rad), abs(turn_rad) / yaw_rate]])
+        if not self._base.stays_clear(STANDSTILL, turning, self._surroundings.seen_from((x, y, yaw))):
             return False
         hits = self._surroundings.seen_from((x, y, yaw + turn_rad)) + np.array([0.0, 0.0, FREE_M])
-        speed = GENTLE * self.robot.max_speed_mps
         return self._base.stays_clear(STANDSTILL, np.array([[speed, 0.0, way_m / speed]]), hits)
 
     def _send(
@@ -245,8 +249,8 @@ class Supervisor:
             rows.append((*twist, min(until_s, end_s) - max(begin_s, start_s)))
         return np.array([row for row in rows if row[2] > 1e-9]).reshape(-1, 3)
 
-    def _pose_at(self, time_s: float) -> Pose:
-        """Where odometry says, or lets expect, the robot at a time of late."""
+    def pose_at(self, time_s: float) -> Pose:
+        """Where odometry says, or lets expect, the robot at a time of late; after watch() has seen odometry."""
         known = self._sensors.odometry
         if time_s >= known[-1].stamp_s:
             orders = self._orders(known[-1].stamp_s, time_s)
@@ -269,8 +273,8 @@ class Supervisor:
         if scan is None or not self._sensors.odometry or scan.stamp_s == self._looked_s:
             return
         self._looked_s = scan.stamp_s
-        first = self._pose_at(scan.stamp_s)
-        last = self._pose_at(scan.stamp_s + scan.lasts_s) if scan.lasts_s > 0.0 else first
+        first = self.pose_at(scan.stamp_s)
+        last = self.pose_at(scan.stamp_s + scan.lasts_s) if scan.lasts_s > 0.0 else first
         self._surroundings.take(scan, first, last)
 
     def _odometry_frozen(self) -> bool:

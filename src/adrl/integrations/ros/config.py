@@ -50,6 +50,8 @@ class DriveConfig:
     """A range of 0 means nothing in reach, as the LDS-01 has it."""
     watchdog_periods: float = 2.0
     """Control periods without a command after which the base stops by itself; the braking check allows for them."""
+    recovery: bool = True
+    """A robot that an obstacle holds for long turns to a free way by itself."""
 
     def driver(self) -> Driver:
         """Load all of it. Raises AdrlError."""
@@ -67,6 +69,7 @@ class DriveConfig:
             zero_is_free=self.zero_is_free,
             goal_tolerance_m=self.goal_tolerance_m,
             supervisor=SupervisorConfig(hold_periods=self.watchdog_periods),
+            recovery=self.recovery,
         )
         return Driver(
             navigator,
