@@ -101,8 +101,9 @@ class RunConfig(Place):
             raise ConfigError(f"demonstration_steps is {self.demonstration_steps}; give 0 or more")
 
     def resolved(self) -> TrainConfig:
-        """The learner's configuration as the method has it."""
+        """The learner's configuration as the method has it, under the run's guidance."""
         learner = method_config(self.method, self.learner)
+        learner = replace(learner, schedule=learner.schedule.under(self.guidance))
         return learner.literal() if self.paper_literal else learner
 
     def resolved_replanner(self) -> ReplannerConfig:

@@ -15,6 +15,9 @@ EQUATIONS = ("eq2", "eq3", "eq5", "eq13")
 """The equations that have two forms."""
 MOST_EXPONENT = 35.0
 """exp() is cut here in the literal eqs 3 and 5: float32 goes up to exp(88), and Adam squares the gradient."""
+PATIENCE_UPDATES = {"goal": 4000.0, "replan": 4000.0, "map": 1e9}
+"""patience_updates of each guidance. A policy that is shown the map's waypoints can earn what the expert does: there
+Q_max stays the expert's."""
 LEAST_REACH = 0.25
 """Q_max comes no nearer to Q_min than this share of the way to the expert's return: a critic that settles lower has
 not learnt, and its noise is no maturity. It also bounds the gain of the loop from S through the weights to S."""
@@ -51,9 +54,10 @@ class ScheduleConfig:
     """Updates that S takes at the least from 0 to 1."""
     fall_updates: float = 30000.0
     """Updates that S takes at the least from 1 to 0. Far more than rise_updates: the ratchet."""
-    patience_updates: float = 4000.0
+    patience_updates: float | None = None
     """Time constant with which Q_max comes down from the expert's return towards where the critic is, if that is lower:
-    an expert that knows the map earns what a policy without one never will. 1e9 and it stays the expert's."""
+    an expert that knows the map earns what a policy without one never will. None: 4000, and 1e9, which is never, where
+    guidance map shows the policy the way."""
     interval_updates: int = 100
     """Updates between two measurements."""
     eq2: Form = "corrected"
@@ -73,7 +77,7 @@ class ScheduleConfig:
             )
         for name in set(self.__dataclass_fields__) - {"driver", *EQUATIONS}:
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
+            if value is not None and not (math.isfinite(value) and value >= 0.0):
                 raise ConfigError(f"schedule.{name} is {value}; give 0 or more")
         if not self.alpha_min <= self.alpha_max <= 1.0:
             raise ConfigError(
@@ -87,7 +91,7 @@ class ScheduleConfig:
             "interval_updates",
             "clock_updates",
         ):
-            if getattr(self, name) <= 0:
+            if getattr(self, name) == 0:
                 raise ConfigError(
                     f"schedule.{name} is {getattr(self, name)}; give a positive number of updates"
                 )
@@ -111,6 +115,14 @@ class ScheduleConfig:
     def literal(self) -> Self:
         """The same constants with every equation as printed."""
         return replace(self, **dict.fromkeys(EQUATIONS, "literal"))
+
+    def under(self, guidance: str) -> Self:
+        """With the patience of a guidance, where none is given."""
+        return (
+            self
+            if self.patience_updates is not None
+            else replace(self, patience_updates=PATIENCE_UPDATES[guidance])
+        )
 
 
 class MaturityState(NamedTuple):
@@ -218,7 +230,8 @@ def update(
     since_cold = max(measured - cold, 0.0) / (1.0 - cold)
     average = state.average + gain * (since_cold - state.average)
     most, least = dt_updates / config.rise_updates, -dt_updates / config.fall_updates
-    lowered = 1.0 - math.exp(-dt_updates / config.patience_updates)
+    patience = config.patience_updates or PATIENCE_UPDATES["goal"]
+    lowered = 1.0 - math.exp(-dt_updates / patience)
     reach = max(state.reach + lowered * (average - state.reach), average, LEAST_REACH)
     change = min(max(average / reach - state.maturity, least), most)
     maturity = min(max(state.maturity + change, 0.0), 1.0)
