@@ -71,7 +71,7 @@ def test_an_expert_no_better_than_chance_measures_nothing():
 
 def run(values: list[float], config: ScheduleConfig = CONFIG, first: float | None = 0.0) -> list[float]:
     """first: what the cold critic has said, so that by default the bounds are those given; None for the first value."""
-    state, out = MaturityState(cold=first), []
+    state, out = MaturityState(cold=first, cold_share=first), []
     for value in values:
         state = update(state, value, Bounds(0.0, 1.0), DT, config)
         out.append(state.maturity)
@@ -94,6 +94,10 @@ def test_maturity_stays_zero_in_the_warm_up_whatever_the_critic_says():
 
 PATIENT = CONFIG.under("map")
 """Q_max stays the expert's return."""
+
+
+SLOW = replace(CONFIG, patience_updates=1e8)
+"""Q_max comes down, but not within a test."""
 
 
 @given(unit)
@@ -125,7 +129,7 @@ def test_who_is_shown_the_way_is_measured_against_the_expert_for_ever():
 
 def test_a_critic_that_goes_on_rising_raises_the_bound_again():
     """From 0.3, where Q_max has come down to, to 0.9."""
-    state = MaturityState(cold=0.0, reach=0.3, average=0.3, maturity=1.0)
+    state = MaturityState(cold=0.0, cold_share=0.0, reach=0.3, average=0.3, maturity=1.0)
     for _ in range(100):
         state = update(state, 0.9, Bounds(0.0, 1.0), DT, CONFIG)
     assert state.reach == pytest.approx(0.9, abs=0.01)
@@ -144,7 +148,7 @@ def test_the_loop_through_the_weights_settles(lag_updates: float, feedback: floa
 
     S overshoots once at the most, comes down slowly and stays where value and S agree, measured to where Q_max is.
     """
-    state, q, path = MaturityState(cold=0.0), 0.0, []
+    state, q, path = MaturityState(cold=0.0, cold_share=0.0), 0.0, []
     for _ in range(3000):
         q += (1.0 - math.exp(-DT / lag_updates)) * (0.9 - feedback * state.maturity - q)
         state = update(state, q, Bounds(0.0, 1.0), DT, config)
@@ -231,13 +235,29 @@ def test_what_a_cold_critic_promises_is_no_maturity(later: Bounds):
     for value, bounds in [(0.0, Bounds(-2.0, 1.0))] * 5 + [
         (later.low + 5 / 6 * (later.high - later.low), later)
     ] * 100:
-        state = update(state, value, bounds, DT, PATIENT)
+        state = update(state, value, bounds, DT, SLOW)
         path.append(state.maturity)
     assert path[4] == 0.0
     assert math.isclose(path[-1], 0.5, abs_tol=0.01)
-    low, high = bounds_in_use(state, later)
+    low, high = bounds_in_use(state, later, SLOW)
     assert low == pytest.approx(later.low + 2 / 3 * (later.high - later.low))
     assert high == pytest.approx(later.high, rel=1e-4)
+
+
+@given(st.lists(st.tuples(unit, st.floats(-3.0, 0.0), st.floats(0.1, 3.0)), min_size=2, max_size=40))
+def test_where_the_expert_is_in_reach_the_bounds_are_the_first_value_and_its_return(
+    rows: list[tuple[float, float, float]],
+):
+    """Against the obvious twin; bounds change from one measurement to the next."""
+    state, average, maturity, cold = MaturityState(), 0.0, 0.0, None
+    gain = 1.0 - math.exp(-DT / PATIENT.smoothing_updates)
+    for value, low, high in rows:
+        state = update(state, value, Bounds(low, high), DT, PATIENT)
+        cold = value if cold is None else cold
+        average += gain * (measured_maturity(value, Bounds(max(low, cold), high)) - average)
+        change = min(max(average - maturity, -DT / PATIENT.fall_updates), DT / PATIENT.rise_updates)
+        maturity = min(max(maturity + change, 0.0), 1.0)
+        assert state.maturity == pytest.approx(maturity, abs=1e-12)
 
 
 def test_a_cold_critic_that_promises_too_much_does_not_end_the_release():

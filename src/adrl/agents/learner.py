@@ -218,7 +218,7 @@ class Learner:
     def row(self) -> dict[str, float | int | None]:
         """The learner's part of a metrics row."""
         info, statistic = self._info, self._schedule.statistic
-        bounds = schedule.bounds_in_use(self._schedule, self.bounds)
+        bounds = schedule.bounds_in_use(self._schedule, self.bounds, self._config.schedule)
         return {
             "updates": self.updates,
             "S": self.maturity,

@@ -15,7 +15,9 @@ EQUATIONS = ("eq2", "eq3", "eq5", "eq13")
 """The equations that have two forms."""
 MOST_EXPONENT = 35.0
 """exp() is cut here in the literal eqs 3 and 5: float32 goes up to exp(88), and Adam squares the gradient."""
-PATIENCE_UPDATES = {"goal": 4000.0, "replan": 4000.0, "map": 1e9}
+NEVER = 1e9
+"""Updates that no run has."""
+PATIENCE_UPDATES = {"goal": 4000.0, "replan": 4000.0, "map": NEVER}
 """patience_updates of each guidance. A policy that is shown the map's waypoints can earn what the expert does: there
 Q_max stays the expert's."""
 LEAST_REACH = 0.25
@@ -116,6 +118,11 @@ class ScheduleConfig:
         """The same constants with every equation as printed."""
         return replace(self, **dict.fromkeys(EQUATIONS, "literal"))
 
+    @property
+    def expert_in_reach(self) -> bool:
+        """Whether Q_max stays the expert's return."""
+        return self.patience_updates is not None and self.patience_updates >= NEVER
+
     def under(self, guidance: str) -> Self:
         """With the patience of a guidance, where none is given."""
         return (
@@ -141,8 +148,9 @@ class MaturityState(NamedTuple):
     highest: float | None = None
     """Q_max of the literal eq 13."""
     cold: float | None = None
-    """Where the first statistic lay, of a critic that has just begun to learn: a share of the way from chance's return
-    to the expert's, as the weights of then are not today's."""
+    """The first statistic, of a critic that has just begun to learn."""
+    cold_share: float | None = None
+    """Where it lay on the way from chance's return to the expert's, under the weights of then."""
     reach: float = 1.0
     """Where Q_max lies: a share of the way from Q_min to the expert's return."""
 
@@ -191,11 +199,15 @@ def measured_maturity(statistic: float, bounds: Bounds) -> float:
     return min(max((statistic - bounds.low) / span, 0.0), 1.0)
 
 
-def bounds_in_use(state: MaturityState, bounds: Bounds) -> Bounds:
+def bounds_in_use(state: MaturityState, bounds: Bounds, config: ScheduleConfig) -> Bounds:
     """Q_min and Q_max that S is measured between. bounds: of the probe."""
     if state.lowest is not None and state.highest is not None:
         return Bounds(state.lowest, state.highest)
-    low = bounds.low + (state.cold or 0.0) * (bounds.high - bounds.low)
+    if state.cold is None or state.cold_share is None:
+        return bounds
+    if config.expert_in_reach:  # S of a share stayed higher there, and driving was worse: docs/decisions.md
+        return Bounds(max(bounds.low, state.cold), bounds.high)
+    low = bounds.low + state.cold_share * (bounds.high - bounds.low)
     return Bounds(low, low + state.reach * (bounds.high - low))
 
 
@@ -208,9 +220,10 @@ def update(
     depend on alpha itself. For the driver `return` it is what training episodes earned from their states. bounds: of
     the probe; the literal eq 13 uses the running extremes instead.
 
-    S moves the reward's weights, they move Q, and Q moves S. Three things break this loop: the bounds are formed
-    under the same weights as Q, the average is slow against the critic, and S falls far slower than it may rise
-    (fall_updates), so it cannot swing. The literal form has none of them.
+    S moves the reward's weights, they move Q, and Q moves S. Four things break this loop: the bounds are formed
+    under the same weights as Q, the average is slow against the critic, S falls far slower than it may rise
+    (fall_updates), so it cannot swing, and Q_max does not come down all the way (LEAST_REACH). The literal form has
+    none of them.
     """
     updates = state.updates + dt_updates
     if config.driver == "clock":
@@ -222,17 +235,23 @@ def update(
         measured = measured_maturity(statistic, Bounds(lowest, highest))
         return MaturityState(measured, measured, updates, statistic, lowest, highest)
     # A critic that has hardly learnt promises more than chance earns: that is no maturity yet.
-    measured = measured_maturity(statistic, bounds)
-    cold = min(measured, MOST_COLD) if state.cold is None else state.cold
+    if state.cold is None:
+        share = min(measured_maturity(statistic, bounds), MOST_COLD)
+        state = state._replace(cold=statistic, cold_share=share)
     if updates <= config.warmup_updates:
-        return MaturityState(updates=updates, statistic=statistic, cold=cold)
+        return MaturityState(
+            updates=updates, statistic=statistic, cold=state.cold, cold_share=state.cold_share
+        )
+    to_expert = bounds_in_use(state._replace(reach=1.0), bounds, config)
     gain = 1.0 - math.exp(-dt_updates / config.smoothing_updates)
-    since_cold = max(measured - cold, 0.0) / (1.0 - cold)
-    average = state.average + gain * (since_cold - state.average)
+    average = state.average + gain * (measured_maturity(statistic, to_expert) - state.average)
     most, least = dt_updates / config.rise_updates, -dt_updates / config.fall_updates
-    patience = config.patience_updates or PATIENCE_UPDATES["goal"]
-    lowered = 1.0 - math.exp(-dt_updates / patience)
-    reach = max(state.reach + lowered * (average - state.reach), average, LEAST_REACH)
+    reach = state.reach
+    if not config.expert_in_reach:
+        lowered = 1.0 - math.exp(-dt_updates / (config.patience_updates or PATIENCE_UPDATES["goal"]))
+        reach = max(reach + lowered * (average - reach), average, LEAST_REACH)
     change = min(max(average / reach - state.maturity, least), most)
     maturity = min(max(state.maturity + change, 0.0), 1.0)
-    return MaturityState(maturity, average, updates, statistic, cold=cold, reach=reach)
+    return state._replace(
+        maturity=maturity, average=average, updates=updates, statistic=statistic, reach=reach
+    )
