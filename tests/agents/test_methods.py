@@ -66,9 +66,10 @@ def test_a_method_is_given_as_a_function_or_offered_by_an_installed_package(monk
     ]
     monkeypatch.setattr(registry, "entry_points", lambda *, group: offered if group == "adrl.methods" else [])
     monkeypatch.setattr(EntryPoint, "load", lambda point: globals()[point.value.rpartition(":")[2]])
-    slow = slow_release(TrainConfig())
+    under_goal = TrainConfig(schedule=ScheduleConfig().under("goal"))
+    slow = slow_release(under_goal)
     assert RunConfig(method="slowly").resolved() == RunConfig(method=slow_release).resolved() == slow
-    assert RunConfig(method="td3").resolved() == METHODS["td3"](TrainConfig())
+    assert RunConfig(method="td3").resolved() == METHODS["td3"](under_goal)
     compared = CompareConfig(methods="slowly,td3,sb3-td3")
     assert compared.run("slowly", 3, Path("run")).resolved() == replace(
         slow, seed=3, eval_interval_steps=16_000

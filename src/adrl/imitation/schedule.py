@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, Self, get_args
 
-from adrl.errors import ConfigError
+from adrl.errors import ConfigError, UnknownName
 from adrl.types import Form, require_forms
 
 Driver = Literal["value", "return", "clock"]
@@ -124,7 +124,9 @@ class ScheduleConfig:
         return self.patience_updates is not None and self.patience_updates >= NEVER
 
     def under(self, guidance: str) -> Self:
-        """With the patience of a guidance, where none is given."""
+        """With the patience of a guidance, where none is given. Raises UnknownName."""
+        if guidance not in PATIENCE_UPDATES:
+            raise UnknownName("guidance", guidance, tuple(PATIENCE_UPDATES))
         return (
             self
             if self.patience_updates is not None
