@@ -120,7 +120,7 @@ class ScheduleConfig:
 
     @property
     def expert_in_reach(self) -> bool:
-        """Whether Q_max stays the expert's return."""
+        """Whether Q_max stays the expert's return, and Q_min the value of the first statistic."""
         return self.patience_updates is not None and self.patience_updates >= NEVER
 
     def under(self, guidance: str) -> Self:
