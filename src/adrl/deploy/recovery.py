@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 from adrl.deploy.messages import Pose, Twist
 from adrl.deploy.supervisor import Supervisor
-from adrl.types import RobotConfig
 
 LOG = logging.getLogger("adrl.deploy")
 
@@ -108,7 +107,7 @@ class Recovery:
 
     def _takes_s(self, turn_rad: float) -> float:
         """Turn and way, each from rest to rest."""
-        robot: RobotConfig = self._supervisor.robot
+        robot = self._supervisor.robot
         speed, yaw_rate = self._supervisor.gently
         turning_s = abs(turn_rad) / yaw_rate + 2.0 * yaw_rate / robot.max_yaw_acceleration_radps2
         driving_s = WAY_M / speed + 2.0 * speed / robot.max_acceleration_mps2
