@@ -84,6 +84,6 @@ def test_api_is_looked_up_on_first_use(name: str, monkeypatch: pytest.MonkeyPatc
 
 def test_unknown_attribute() -> None:
     with pytest.raises(AttributeError, match="no attribute 'trian'"):
-        _ = adrl.trian
+        _ = adrl.trian  # pyright: ignore[reportAttributeAccessIssue]
     assert not hasattr(adrl, "__path_to_nowhere__")
     assert {"train", "evaluate", "load_policy", "__version__"} <= set(dir(adrl))

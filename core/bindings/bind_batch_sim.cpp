@@ -2,10 +2,10 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 
-#include "../batch_sim.hpp"
 #include "arrays.hpp"
 #include "buffers.hpp"
 #include "footprint.hpp"
+#include "sim/batch_sim.hpp"
 
 using namespace adrl;
 

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "../braking.hpp"
 #include "arrays.hpp"
+#include "drive/braking.hpp"
 #include "footprint.hpp"
 
 using namespace adrl;

@@ -5,9 +5,9 @@
 #include <string>
 #include <tuple>
 
-#include "../replanner.hpp"
 #include "arrays.hpp"
 #include "buffers.hpp"
+#include "planning/replanner.hpp"
 
 using namespace adrl;
 

@@ -7,15 +7,15 @@
 #include <algorithm>
 #include <tuple>
 
-#include "../astar.hpp"
-#include "../distance_field.hpp"
-#include "../grid.hpp"
-#include "../kinematics.hpp"
-#include "../motion_cue.hpp"
-#include "../raycast.hpp"
-#include "../world.hpp"
 #include "arrays.hpp"
+#include "drive/kinematics.hpp"
 #include "footprint.hpp"
+#include "planning/astar.hpp"
+#include "planning/grid.hpp"
+#include "world/distance_field.hpp"
+#include "world/motion_cue.hpp"
+#include "world/raycast.hpp"
+#include "world/world.hpp"
 
 using namespace adrl;
 

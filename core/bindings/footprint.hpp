@@ -1,8 +1,8 @@
 // A footprint from what Python gives: a radius, and corners when it is a polygon.
 #pragma once
 
-#include "../collision.hpp"
 #include "arrays.hpp"
+#include "drive/collision.hpp"
 
 inline adrl::Footprint make_footprint(double radius, const In<double, Rows2> &corners) {
     require_finite({radius}, "radius_m");

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "batch_sim.hpp"
+#include "sim/batch_sim.hpp"
 
 namespace adrl {
 

@@ -8,8 +8,8 @@
 
 #include <doctest/doctest.h>
 
+#include "planning/route_planner.hpp"
 #include "random.hpp"
-#include "route_planner.hpp"
 #include "sim_fixture.hpp"
 
 namespace {

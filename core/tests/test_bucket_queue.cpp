@@ -3,7 +3,7 @@
 
 #include <doctest/doctest.h>
 
-#include "bucket_queue.hpp"
+#include "planning/bucket_queue.hpp"
 #include "random.hpp"
 
 namespace adrl {

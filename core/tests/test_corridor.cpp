@@ -4,7 +4,7 @@
 
 #include <doctest/doctest.h>
 
-#include "collision.hpp"
+#include "drive/collision.hpp"
 #include "random.hpp"
 #include "sim_fixture.hpp"
 

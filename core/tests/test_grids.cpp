@@ -6,9 +6,9 @@
 
 #include <doctest/doctest.h>
 
-#include "astar.hpp"
-#include "distance_field.hpp"
+#include "planning/astar.hpp"
 #include "random.hpp"
+#include "world/distance_field.hpp"
 
 namespace adrl {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <doctest/doctest.h>
 
-#include "occupancy.hpp"
+#include "planning/occupancy.hpp"
 #include "random.hpp"
 
 namespace adrl {

@@ -5,7 +5,7 @@
 
 #include <doctest/doctest.h>
 
-#include "path.hpp"
+#include "planning/path.hpp"
 
 namespace adrl {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <doctest/doctest.h>
 
-#include "route_planner.hpp"
+#include "planning/route_planner.hpp"
 
 namespace adrl {
 

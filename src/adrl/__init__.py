@@ -7,17 +7,13 @@ Importing this loads neither JAX nor Gymnasium nor matplotlib: the names below a
 first used, and the environment is registered when Gymnasium is there, be it before or after.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from adrl.registration import ENV_ID, register_when_possible
 
-if TYPE_CHECKING:
-    from adrl.api import RunConfig, TrainConfig, evaluate, load_policy, train
+__all__ = ["ENV_ID", "RunConfig", "TrainConfig", "__version__", "evaluate", "load_policy", "train"]  # pyright: ignore[reportUnsupportedDunderAll]
 
-    __version__: str
-
-__all__ = ["ENV_ID", "RunConfig", "TrainConfig", "__version__", "evaluate", "load_policy", "train"]
-
+# Named, not imported: the package stands below all that it offers. __init__.pyi tells type checkers.
 _API = ("RunConfig", "TrainConfig", "evaluate", "load_policy", "train")
 
 register_when_possible()

@@ -29,7 +29,7 @@ from adrl.imitation.probe import probe_steps, record_probe
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards.config import STANDING_AT_WORST
-from adrl.rewards.terms import reference_period_s
+from adrl.rewards.step import reference_period_s
 from adrl.types import RobotConfig, Scenario
 from adrl.worlds import load_robot, task_set
 from adrl.worlds.given import training_fingerprints

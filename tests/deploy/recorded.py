@@ -8,8 +8,8 @@ import numpy as np
 from adrl.deploy import MlpPolicy, Odometry, Scan, load_policy
 from adrl.deploy.policy import DEFAULT, resolve_policy
 from adrl.envs import NavSim
-from adrl.motion import F32
 from adrl.observation import EncoderConfig
+from adrl.observation.motion import F32
 from adrl.types import LidarConfig, RobotConfig, Task
 
 

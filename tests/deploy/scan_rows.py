@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adrl import _core
-from adrl.motion import F32
+from adrl.observation.motion import F32
 from adrl.types import Array, RobotConfig
 from env_tasks import room
 

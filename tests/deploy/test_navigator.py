@@ -11,8 +11,8 @@ import pytest
 from adrl.deploy import Navigator, Odometry, Pose, Scan
 from adrl.envs import NavSim
 from adrl.errors import AdrlError, ConfigError
-from adrl.motion import F32
 from adrl.observation import EncoderConfig, to_twist
+from adrl.observation.motion import F32
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import RobotConfig, Task, World
 from adrl.worlds import ROBOTS, get_scenario, single_task, task_set

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from adrl.report.reported import LABELS, TABLE_I
+from adrl.reproduction.reported import LABELS, TABLE_I
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")

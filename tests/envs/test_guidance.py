@@ -13,7 +13,8 @@ from adrl.envs import NavVectorEnv
 from adrl.observation import to_action
 from adrl.planning.path_guide import LOOKAHEAD_M
 from adrl.rewards import REWARD_TERMS, RewardConfig, reward
-from adrl.rewards.terms import HEADING_DECAY, HEADING_GAIN_M, reference_period_s
+from adrl.rewards.step import reference_period_s
+from adrl.rewards.terms import HEADING_DECAY, HEADING_GAIN_M
 from adrl.types import Array, RobotConfig, Task
 from adrl.worlds import ROBOTS, single_task
 from env_tasks import OneTask, quiet, room, straight_task, wrapped

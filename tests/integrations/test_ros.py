@@ -17,9 +17,9 @@ from typing import Any
 
 import pytest
 
+from adrl.geometry import compose, inverse
 from adrl.integrations.gazebo.server import gazebo_folder, is_installed
 from adrl.integrations.ros1.node import DIST_PACKAGES
-from adrl.poses import compose, inverse
 from adrl.worlds import SCENARIOS, load_robot, task_set
 from adrl.worlds.map_scenario import MapScenario
 from integrations.ros_processes import Event, Probe, Ros

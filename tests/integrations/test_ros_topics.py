@@ -8,12 +8,12 @@ import pytest
 from rosbags.typesys import Stores, get_typestore
 
 from adrl.bags.messages import laser_scan, odometry, pose_stamped, pose_with_covariance
-from adrl.integrations.driver import STOPS
+from adrl.deploy.driver import STOPS
+from adrl.geometry import yaw_of
 from adrl.integrations.ros import drive, sim
 from adrl.integrations.ros.config import DriveConfig, SimConfig
 from adrl.integrations.ros.outbox import PLAN_S, STATUS_S
 from adrl.integrations.ros.robot import SimulatedRobot
-from adrl.poses import yaw_of
 from adrl.worlds import ROBOTS, task_set
 
 ROBOT = ROBOTS["diffbot"]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from adrl.rewards import RewardConfig, features, reward, terms, weights
-from adrl.rewards.terms import reference_period_s
+from adrl.rewards.step import reference_period_s
 from reward_driving import FOR_EVER, ROBOTS, Driver, behaviours
 
 CONFIG = RewardConfig()

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.poses import quaternion_of
+from adrl.geometry import quaternion_of
 from adrl.types import Array, LidarConfig
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from adrl.bags import messages
 from adrl.errors import ConfigError, MissingExtra
-from adrl.poses import compose, inverse
+from adrl.geometry import compose, inverse
 from adrl.types import Array, RobotConfig
 
 TOPICS = {

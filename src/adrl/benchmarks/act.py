@@ -8,8 +8,8 @@ import numpy as np
 from adrl.deploy import MlpPolicy, Navigator, Odometry, Scan
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
-from adrl.motion import ScanHistory
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_twist
+from adrl.observation.motion import ScanHistory
 from adrl.types import GUIDANCE, Task
 from adrl.worlds import get_scenario, robot_from_fields, task_set
 

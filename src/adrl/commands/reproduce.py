@@ -6,9 +6,9 @@ from pathlib import Path
 
 from adrl.commands.job_bar import job_bar
 from adrl.commands.options import console, parse, require_folder
-from adrl.comparison.reproduce import preset, reproduce
 from adrl.errors import ConfigError
-from adrl.report.reproduction_tables import PAGE_FILE, write_report
+from adrl.reproduction.reproduce import preset, reproduce
+from adrl.reproduction.tables import PAGE_FILE, write_report
 
 RESULTS_FOLDER = "results"
 

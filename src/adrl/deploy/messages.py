@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from adrl.poses import Pose
+from adrl.geometry import Pose
 from adrl.types import Array
 
 Twist = tuple[float, float]

@@ -23,8 +23,8 @@ from adrl.deploy.recovery import WAY_M, Recovery
 from adrl.deploy.setup import setup_of
 from adrl.deploy.supervisor import DEFAULT, Supervisor, SupervisorConfig
 from adrl.errors import ConfigError, PlanningError, UnknownName
-from adrl.motion import ScanHistory
 from adrl.observation import ObservationEncoder, in_robot_frame, to_action, to_twist
+from adrl.observation.motion import ScanHistory
 from adrl.planning.path_guide import MapGuide
 from adrl.planning.replanner import Replanner
 from adrl.types import GUIDANCE, Array, World

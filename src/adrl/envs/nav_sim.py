@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from adrl import _core
 from adrl.envs.randomization import NOMINAL, Randomization, draw_params
 from adrl.errors import ConfigError, UnknownName
-from adrl.motion import ScanHistory
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
+from adrl.observation.motion import ScanHistory
 from adrl.planning.path_guide import sim_config
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig

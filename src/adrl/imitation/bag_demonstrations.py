@@ -13,8 +13,8 @@ from adrl.deploy.navigator import GOAL_TOLERANCE_M
 from adrl.errors import ConfigError, DatasetError
 from adrl.imitation.bag_recording import BagTopics, Recording, read_recording
 from adrl.imitation.demonstrations import Demonstrations
-from adrl.motion import ScanHistory
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action
+from adrl.observation.motion import ScanHistory
 from adrl.rewards import RewardConfig, Step, features, terms
 from adrl.rewards.terms import STAGNATION_WINDOW
 from adrl.types import Array, RobotConfig

@@ -22,7 +22,7 @@ from adrl.bags.reader import (
 from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Scan
 from adrl.errors import DatasetError
-from adrl.poses import compose, inverse, yaw_of
+from adrl.geometry import compose, inverse, yaw_of
 from adrl.types import Array, RobotConfig
 
 F32 = NDArray[np.float32]

@@ -3,7 +3,8 @@
 from adrl.rewards.config import RewardConfig, RewardTerm
 from adrl.rewards.features import FEATURES, features
 from adrl.rewards.matrix import reward
-from adrl.rewards.terms import REWARD_TERMS, Step, reward_terms, terms
+from adrl.rewards.step import Step
+from adrl.rewards.terms import REWARD_TERMS, reward_terms, terms
 from adrl.rewards.weights import weights
 
 __all__ = [

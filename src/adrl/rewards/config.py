@@ -6,17 +6,15 @@ import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import tyro
 
 from adrl.errors import ConfigError
 from adrl.registry import look_up
+from adrl.rewards.step import Array, Step
 from adrl.types import Form, require_forms
-
-if TYPE_CHECKING:
-    from adrl.rewards.terms import Array, Step
 
 EQUATIONS = ("eq8", "eq9", "eq10", "eq11", "eq14", "eq16", "eq17")
 """The equations that have two forms."""

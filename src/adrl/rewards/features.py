@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.rewards.config import RewardConfig
-from adrl.rewards.terms import Array, Step
+from adrl.rewards.step import Array, Step
 
 
 def threat(step: Step, config: RewardConfig) -> Array:  # (N,)

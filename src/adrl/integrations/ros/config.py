@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar
 
 from adrl.deploy import Navigator, SupervisorConfig
+from adrl.deploy.driver import Driver
 from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
 from adrl.errors import ConfigError
-from adrl.integrations.driver import Driver
 from adrl.worlds import load_map
 from adrl.worlds.place import Place
 

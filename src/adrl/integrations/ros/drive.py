@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from adrl.bags.messages import New
+from adrl.deploy.driver import Report
 from adrl.errors import GoalRefused
-from adrl.integrations.driver import Report
 from adrl.integrations.ros.config import DriveConfig
 from adrl.integrations.ros.messages import new_message, odometry_of, point_of, pose_of, scan_of
 from adrl.integrations.ros.outbox import Outbox, Publish

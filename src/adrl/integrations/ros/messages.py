@@ -8,8 +8,8 @@ import numpy as np
 
 from adrl.bags.messages import New
 from adrl.deploy import Odometry, Pose, Scan
-from adrl.integrations.driver import Report
-from adrl.poses import yaw_of
+from adrl.deploy.driver import Report
+from adrl.geometry import yaw_of
 
 OK, WARN, ERROR = range(3)
 """Levels of a status."""

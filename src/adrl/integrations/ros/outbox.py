@@ -7,7 +7,7 @@ from typing import Any
 
 from adrl.bags.messages import New, path, twist
 from adrl.deploy import Twist
-from adrl.integrations.driver import Report
+from adrl.deploy.driver import Report
 from adrl.integrations.ros.config import DriveConfig
 from adrl.integrations.ros.messages import status_message
 

@@ -9,9 +9,9 @@ import numpy as np
 from adrl.deploy import Odometry, Pose, Twist
 from adrl.envs import NavSim
 from adrl.envs.nav_sim import Body
+from adrl.geometry import compose, inverse
 from adrl.integrations.gazebo import Gazebo
 from adrl.integrations.ros.config import SimConfig
-from adrl.poses import compose, inverse
 from adrl.types import Array, RobotConfig, Task
 from adrl.worlds import load_robot, task_set
 

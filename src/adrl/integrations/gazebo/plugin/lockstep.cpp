@@ -61,7 +61,7 @@ struct Robot {
     bool contact = false, active = false;
 };
 
-// A first-order lag within the acceleration limit, as advance_twist in core/kinematics.cpp.
+// A first-order lag within the acceleration limit, as advance_twist in core/drive/kinematics.cpp.
 double approach(double value, double goal, double response, double largest_change) {
     return value + std::clamp(response * (goal - value), -largest_change, largest_change);
 }

@@ -1,0 +1,26 @@
+// How a differential drive moves: limits, lag, latency and exact arcs.
+#pragma once
+
+#include "world/geometry.hpp"
+
+namespace adrl {
+
+struct DriveLimits {
+    double max_speed = 0.6;
+    double min_speed = 0.0; // below 0 for a robot that may reverse
+    double max_yaw_rate = 1.5;
+    double max_acceleration = 2.0;
+    double max_yaw_acceleration = 6.0;
+    double lag_s = 0.0; // time constant of the first-order lag
+};
+
+// Exact arc: x' = x + v/w (sin(theta + w dt) - sin theta), y likewise with the cosine; a straight line as w -> 0.
+Pose integrate(const Pose &pose, const Twist &twist, double dt_s);
+
+// A command brought inside the speed limits.
+Twist clip_command(const Twist &command, const DriveLimits &limits);
+
+// Twist after dt: first-order lag towards the command, its change held to the acceleration limits.
+Twist advance_twist(const Twist &twist, const Twist &command, const DriveLimits &limits, double dt_s);
+
+} // namespace adrl

@@ -1,0 +1,27 @@
+// A route to follow: where along it the robot is, and the point to head for.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "world/geometry.hpp"
+
+namespace adrl {
+
+class Path {
+  public:
+    // Corner points x0, y0, x1, y1, ...; at least one.
+    explicit Path(std::span<const double> points);
+
+    double length() const { return along_.back(); }
+    // Point at arc length s, clamped to the ends.
+    Vec2 at(double s) const;
+    // Arc length of the point nearest to p among those in [from, to].
+    double project(Vec2 p, double from, double to) const;
+
+  private:
+    std::vector<Vec2> points_;
+    std::vector<double> along_; // arc length at each point
+};
+
+} // namespace adrl

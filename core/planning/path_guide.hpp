@@ -1,0 +1,28 @@
+// The point of a known path that a robot heads for.
+#pragma once
+
+#include "planning/path.hpp"
+#include "world/world.hpp"
+
+namespace adrl {
+
+struct GuideRules {
+    double lookahead = 1.5; // of the waypoint, metres along the path; 0 takes the path's end
+    double window = 3.0;    // the robot is looked for so far ahead of where it was on the path
+    double corridor = 0.2;  // radius of the disc that must fit through on the straight line to the waypoint
+};
+
+struct Guided {
+    double along = 0.0; // arc length of the path's point nearest to the robot
+    double left = 0.0;  // metres to that point and from there along the path
+    Vec2 waypoint;
+};
+
+// A robot at p, which was at arc length `along` before.
+Guided follow_path(const World &world, const Path &path, const GuideRules &rules, Vec2 p, double along);
+
+// The farthest of some points up to `lookahead` ahead that the robot can go to in a straight line: a local planner
+// cannot get stuck on the way to it.
+Vec2 visible_waypoint(const World &world, const Path &path, double corridor, Vec2 from, double along, double lookahead);
+
+} // namespace adrl

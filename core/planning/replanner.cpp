@@ -1,0 +1,120 @@
+#include "planning/replanner.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace adrl {
+namespace {
+
+Pose pose_at(const double *poses, int i) { return {poses[3 * i], poses[3 * i + 1], poses[3 * i + 2]}; }
+
+Vec2 point_at(const double *points, int i) { return {points[2 * i], points[2 * i + 1]}; }
+
+Cell cell_of(Vec2 p, const WindowShape &shape, const WindowOrigin &origin) {
+    // Far goals are brought near enough for an int; the direction to them stays.
+    const auto index = [&](double metres, std::int64_t first) {
+        const double at = std::floor(metres / shape.resolution) - static_cast<double>(first);
+        return static_cast<int>(std::clamp(at, -1e6, 1e6));
+    };
+    return {index(p.y, origin.row), index(p.x, origin.column)};
+}
+
+} // namespace
+
+class Replanner::Borrowed {
+  public:
+    explicit Borrowed(Replanner &owner) : owner_(owner) {
+        const std::scoped_lock lock(owner.mutex_);
+        scratch_ = std::move(owner.stock_.back());
+        owner.stock_.pop_back();
+    }
+    ~Borrowed() {
+        const std::scoped_lock lock(owner_.mutex_);
+        owner_.stock_.push_back(std::move(scratch_));
+    }
+    Borrowed(const Borrowed &) = delete;
+    Borrowed &operator=(const Borrowed &) = delete;
+    Scratch *operator->() { return scratch_.get(); }
+
+  private:
+    Replanner &owner_;
+    std::unique_ptr<Scratch> scratch_;
+};
+
+Replanner::Replanner(int num_robots, int num_threads, const Beams &beams, const ReplannerSetup &setup,
+                     ReplannerBuffers buffers)
+    : num_robots_(num_robots), num_beams_(beams.count()), setup_(setup), b_(buffers), pool_(num_threads) {
+    const WindowShape &shape = setup.shape;
+    for (int k = 0; k < pool_.size(); ++k) {
+        stock_.push_back(std::make_unique<Scratch>(Scratch{
+            ScanIntegrator(shape, setup.evidence, beams, setup.mount, setup.max_range, setup.reach, setup.body_radius),
+            RoutePlanner(shape.height, shape.width, shape.resolution, setup.costs)}));
+    }
+}
+
+void Replanner::restart(const std::uint8_t *mask, const double *pose) {
+    for (int i = 0; i < num_robots_; ++i) {
+        if (!mask[i]) continue;
+        WindowOrigin at;
+        clear_window(cells(i), setup_.shape, at, {pose[3 * i], pose[3 * i + 1]});
+        store_origin(i, at);
+        b_.parity[i] = 0;
+    }
+}
+
+void Replanner::observe(const std::uint8_t *mask, const double *pose, const float *ranges) {
+    pool_.run(num_robots_, [&](int first, int last) {
+        Borrowed scratch(*this);
+        for (int i = first; i < last; ++i) {
+            if (!mask[i]) continue;
+            const Pose at = pose_at(pose, i);
+            WindowOrigin window = origin(i);
+            follow_robot(cells(i), setup_.shape, window, {at.x, at.y});
+            store_origin(i, window);
+            scratch->integrator.integrate(cells(i), window, at, ranges + static_cast<std::ptrdiff_t>(i) * num_beams_,
+                                          b_.parity[i]);
+            b_.parity[i] ^= 1U;
+        }
+    });
+}
+
+void Replanner::plan(const std::uint8_t *mask, const double *pose, const double *goal) {
+    pool_.run(num_robots_, [&](int first, int last) {
+        Borrowed scratch(*this);
+        for (int i = first; i < last; ++i) {
+            if (mask[i]) plan_one(i, scratch->planner, pose_at(pose, i), point_at(goal, i));
+        }
+    });
+}
+
+void Replanner::plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 goal) {
+    const WindowOrigin window = origin(i);
+    const Cell start = cell_of({pose.x, pose.y}, setup_.shape, window);
+    const Route route = planner.plan(cells(i), start, cell_of(goal, setup_.shape, window), pose.theta);
+    if (route.cells->size() < 2 && !route.reached) {
+        b_.found[i] = 0;
+        return;
+    }
+    const Waypoint chosen =
+        choose_waypoint(planner, setup_.costs, setup_.waypoint, route, cells(i), setup_.shape, window, pose, goal);
+    b_.waypoint[2 * i] = chosen.point.x;
+    b_.waypoint[2 * i + 1] = chosen.point.y;
+    b_.route[i] = chosen.route;
+    b_.found[i] = route.reached ? 1 : 2;
+}
+
+void Replanner::see(const std::uint8_t *mask, const double *pose, const double *point, double distance, bool known,
+                    std::uint8_t *out) {
+    pool_.run(num_robots_, [&](int first, int last) {
+        for (int i = first; i < last; ++i) {
+            if (!mask[i]) continue;
+            const Vec2 from{pose[3 * i], pose[3 * i + 1]};
+            const Vec2 way = point_at(point, i) - from;
+            const double length = norm(way);
+            const Vec2 to = length > distance ? from + (distance / length) * way : from + way;
+            out[i] = corridor_seen_free(cells(i), setup_.shape, origin(i), from, to, setup_.waypoint.corridor, known);
+        }
+    });
+}
+
+} // namespace adrl

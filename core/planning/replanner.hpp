@@ -1,0 +1,82 @@
+// The maps and routes of N robots that know only what they have scanned. All that changes lies in the caller's arrays.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "planning/occupancy.hpp"
+#include "planning/route_planner.hpp"
+#include "planning/waypoint.hpp"
+#include "thread_pool.hpp"
+
+namespace adrl {
+
+struct ReplannerSetup {
+    WindowShape shape;
+    Evidence evidence;
+    Pose mount; // of the LiDAR, in the robot's frame
+    double max_range = 6.0;
+    double reach = 6.0;       // hits farther away are not mapped
+    double body_radius = 0.2; // of a disc that the footprint covers: free, as the robot stands there
+    RouteCosts costs;
+    WaypointRules waypoint;
+};
+
+// Row i belongs to robot i.
+struct ReplannerBuffers {
+    std::int8_t *log_odds; // (N, H, W)
+    std::int64_t *origin;  // (N, 2) lattice row, column of each window
+    std::uint8_t *parity;  // (N) which half of the beams the next scan traces
+    double *waypoint;      // (N, 2) where to head for, metres
+    double *route;         // (N) metres of route from the robot to its end
+    std::uint8_t *found;   // (N) 0 no route, 1 to the goal, 2 to the reachable cell nearest to it
+};
+
+class Replanner {
+  public:
+    Replanner(int num_robots, int num_threads, const Beams &beams, const ReplannerSetup &setup,
+              ReplannerBuffers buffers);
+
+    int num_robots() const { return num_robots_; }
+    int num_beams() const { return num_beams_; }
+    // Forgets what the robots of the mask (N) have seen and puts them, at poses (N, 3), in their windows' middles.
+    void restart(const std::uint8_t *mask, const double *pose);
+    // Enters scans (N, K) taken at poses (N, 3).
+    void observe(const std::uint8_t *mask, const double *pose, const float *ranges);
+    // Plans to goals (N, 2): waypoint, route and found.
+    void plan(const std::uint8_t *mask, const double *pose, const double *goal);
+    // out (N): whether the straight line from the robot towards a point (N, 2) is free of what has been seen, for at
+    // most `distance` metres of it; with `known`, also whether all of that line has been seen. Robots off the mask are
+    // left alone.
+    void see(const std::uint8_t *mask, const double *pose, const double *point, double distance, bool known,
+             std::uint8_t *out);
+
+  private:
+    struct Scratch {
+        ScanIntegrator integrator;
+        RoutePlanner planner;
+    };
+    class Borrowed; // a scratch of the stock, put back at the end
+
+    void plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 goal);
+    std::int8_t *cells(int i) const {
+        return b_.log_odds + static_cast<std::size_t>(i) * setup_.shape.height * setup_.shape.width;
+    }
+    WindowOrigin origin(int i) const { return {b_.origin[2 * i], b_.origin[2 * i + 1]}; }
+    void store_origin(int i, const WindowOrigin &o) {
+        b_.origin[2 * i] = o.row;
+        b_.origin[2 * i + 1] = o.column;
+    }
+
+    int num_robots_;
+    int num_beams_;
+    ReplannerSetup setup_;
+    ReplannerBuffers b_;
+    ThreadPool pool_;
+    std::mutex mutex_;
+    std::vector<std::unique_ptr<Scratch>> stock_; // one a thread
+};
+
+} // namespace adrl

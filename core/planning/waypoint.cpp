@@ -1,0 +1,116 @@
+#include "planning/waypoint.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace adrl {
+namespace {
+
+struct Chooser {
+    const RoutePlanner &planner;
+    const RouteCosts &costs;
+    const WindowShape &shape;
+    const WindowOrigin &origin;
+    const Pose &robot;
+    Vec2 goal;
+
+    Vec2 centre(Cell c) const {
+        return {(static_cast<double>(origin.column + c.column) + 0.5) * shape.resolution,
+                (static_cast<double>(origin.row + c.row) + 0.5) * shape.resolution};
+    }
+
+    double obstacle_density(Vec2 p) const {
+        const auto row = static_cast<std::int64_t>(std::floor(p.y / shape.resolution)) - origin.row;
+        const auto column = static_cast<std::int64_t>(std::floor(p.x / shape.resolution)) - origin.column;
+        if (row < 0 || column < 0 || row >= shape.height || column >= shape.width) return 0.0;
+        return planner.obstacle_density(static_cast<int>(row), static_cast<int>(column));
+    }
+
+    double goal_proximity(Vec2 p) const { return std::clamp(1.0 - norm(goal - p) / costs.near_goal, 0.0, 1.0); }
+
+    // Integral of 1 + weight density over the straight line, midpoints of pieces no longer than half a cell.
+    double straight_cost(Vec2 to) const {
+        const Vec2 from{robot.x, robot.y};
+        const double length = norm(to - from);
+        const double turn = wrap_angle(std::atan2(to.y - from.y, to.x - from.x) - robot.theta);
+        const int pieces = std::max(1, static_cast<int>(std::ceil(2.0 * length / shape.resolution)));
+        double density = 0.0;
+        for (int k = 0; k < pieces; ++k) {
+            const Vec2 p = from + ((k + 0.5) / pieces) * (to - from);
+            density += costs.k_obstacle * obstacle_density(p) + costs.k_goal * (1.0 - goal_proximity(p));
+        }
+        density = density / pieces + costs.k_turn * std::abs(turn) / std::numbers::pi;
+        return length * (1.0 + costs.weight * density);
+    }
+
+    // D of eq 21 as printed.
+    double literal_density(const std::vector<Cell> &cells, std::size_t k) const {
+        const Vec2 p = centre(cells[k]);
+        double turn = 0.0;
+        if (k + 1 < cells.size()) {
+            const Vec2 came = p - centre(cells[k - 1]);
+            const Vec2 leaves = centre(cells[k + 1]) - p;
+            turn = std::abs(std::atan2(cross(came, leaves), dot(came, leaves)));
+        }
+        return 1.0 / (1.0 + costs.k_obstacle * planner.obstacle_density(cells[k].row, cells[k].column) +
+                      costs.k_goal * goal_proximity(p) + costs.k_turn * turn / std::numbers::pi);
+    }
+
+    // Length of the route walked from corner to corner, each the farthest cell seen from the last; every second cell is
+    // tried.
+    double taut_length(const std::vector<Cell> &cells) const {
+        const auto is_free = [&](int row, int column) { return planner.is_free(row, column); };
+        const auto point = [&](std::size_t k) { return GridPoint{1.0 * cells[k].row, 1.0 * cells[k].column}; };
+        const std::size_t last = cells.size() - 1;
+        double length = 0.0;
+        std::size_t corner = 0;
+        std::size_t seen = 0;
+        const auto walk_to = [&](std::size_t k) {
+            length += std::hypot(point(k).row - point(corner).row, point(k).column - point(corner).column);
+            corner = k;
+        };
+        while (seen < last) {
+            const std::size_t next = std::min(last, seen + 2);
+            if (next > corner + 2 && !straight_free(is_free, point(corner), point(next))) walk_to(seen);
+            seen = next;
+        }
+        walk_to(last);
+        return length * shape.resolution;
+    }
+};
+
+} // namespace
+
+Waypoint choose_waypoint(const RoutePlanner &planner, const RouteCosts &costs, const WaypointRules &rules,
+                         const Route &route, const std::int8_t *log_odds, const WindowShape &shape,
+                         const WindowOrigin &origin, const Pose &robot, Vec2 goal) {
+    const std::vector<Cell> &cells = *route.cells;
+    const Chooser chooser{planner, costs, shape, origin, robot, goal};
+    const Vec2 from{robot.x, robot.y};
+    const std::size_t last = cells.size() - 1;
+    const auto place = [&](std::size_t k) { return k == last && route.reached ? goal : chooser.centre(cells[k]); };
+    Waypoint best{place(last), chooser.taut_length(cells)};
+    double least = std::numeric_limits<double>::infinity();
+    double along = 0.0;
+    double sum = 0.0;
+    bool fallback = false;
+    for (std::size_t k = 1; k <= last && along <= rules.max_distance; ++k) {
+        along += norm(chooser.centre(cells[k]) - chooser.centre(cells[k - 1]));
+        if (rules.literal) sum += chooser.literal_density(cells, k);
+        if (along > rules.max_distance || (along < rules.min_interval && k < last)) continue;
+        const Vec2 point = place(k);
+        if (!fallback) best.point = point;
+        fallback = true;
+        if (!corridor_seen_free(log_odds, shape, origin, from, point, rules.corridor)) continue;
+        const double score =
+            rules.literal ? norm(goal - point) + sum : planner.cost_to_go()[k] + chooser.straight_cost(point);
+        if (score > least + 1e-9) continue;
+        least = std::min(score, least);
+        best.point = point;
+    }
+    return best;
+}
+
+} // namespace adrl

@@ -1,0 +1,224 @@
+#include "sim/batch_sim.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "random.hpp"
+
+namespace adrl {
+namespace {
+
+constexpr int kMaxBeams = 2048;
+
+Pose load_pose(const double *row) { return {row[0], row[1], row[2]}; }
+
+void store_pose(double *row, const Pose &pose) {
+    row[0] = pose.x;
+    row[1] = pose.y;
+    row[2] = pose.theta;
+}
+
+// Speeds are the robot's, how fast they change is the row's.
+DriveLimits limits_of(const Robot &robot, const double *params) {
+    DriveLimits limits = robot.limits;
+    limits.max_acceleration = params[kMaxAcceleration];
+    limits.max_yaw_acceleration = params[kMaxYawAcceleration];
+    limits.lag_s = params[kLag];
+    return limits;
+}
+
+// Range noise and dropouts, one random number a beam from its own counter.
+ADRL_CLONES void disturb(const double *exact, int count, std::uint64_t key, double noise, double dropout,
+                         double max_range, float *out) {
+    for (int i = 0; i < count; ++i) {
+        const std::uint64_t bits = mix64(key + static_cast<std::uint64_t>(i));
+        double range = exact[i] + noise * nearly_normal(bits);
+        range = range < 0.0 ? 0.0 : range;
+        range = (range > max_range) | (exact[i] >= max_range) ? max_range : range;
+        // Chance of a dropout: a second hash, so that it tells nothing about the noise.
+        const double chance = uniform01(mix64(bits));
+        out[i] = static_cast<float>(chance < dropout ? max_range : range);
+    }
+}
+
+ADRL_CLONES void copy_ranges(const double *exact, int count, float *out) {
+    for (int i = 0; i < count; ++i) out[i] = static_cast<float>(exact[i]);
+}
+
+} // namespace
+
+BatchSim::BatchSim(int num_envs, int num_threads, Robot robot, SimConfig config, SimBuffers buffers)
+    : num_envs_(num_envs), robot_(std::move(robot)), config_(config), rules_(guide_rules(robot_.footprint, config)),
+      b_(buffers), tasks_(num_envs), pool_(num_threads) {}
+
+void BatchSim::reset(const std::uint8_t *mask) {
+    pool_.run(num_envs_, [&](int first, int last) {
+        for (int i = first; i < last; ++i) {
+            if (mask[i] && tasks_[i]) reset_one(i);
+        }
+    });
+}
+
+void BatchSim::step() {
+    pool_.run(num_envs_, [&](int first, int last) {
+        for (int i = first; i < last; ++i) {
+            if (b_.active[i] && tasks_[i]) step_one(i);
+        }
+    });
+}
+
+void BatchSim::follow(const double *before) {
+    pool_.run(num_envs_, [&](int first, int last) {
+        for (int i = first; i < last; ++i) {
+            if (b_.active[i] && tasks_[i]) follow_one(i, {before[3 * i], before[3 * i + 1]});
+        }
+    });
+}
+
+void BatchSim::plan(double *out) {
+    pool_.run(num_envs_, [&](int first, int last) {
+        for (int i = first; i < last; ++i) {
+            if (!b_.active[i] || !tasks_[i]) continue;
+            const Task &task = *tasks_[i];
+            const Pose pose = load_pose(b_.pose + 3 * i);
+            const double along = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
+            const Vec2 target = visible_waypoint(*task.world, task.path, rules_.corridor, {pose.x, pose.y}, along,
+                                                 config_.dwa_lookahead);
+            const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
+            const Twist command = dwa_command(*task.world, robot_.footprint, limits, config_.dwa, pose,
+                                              {b_.twist[2 * i], b_.twist[2 * i + 1]}, target, b_.time[i], robot_.dt_s);
+            out[2 * i] = command.v;
+            out[2 * i + 1] = command.w;
+        }
+    });
+}
+
+void BatchSim::reset_one(int i) {
+    const Task &task = *tasks_[i];
+    double *memory = b_.memory + static_cast<std::ptrdiff_t>(i) * kMemory;
+    std::fill(memory, memory + kMemory, 0.0);
+    store_pose(b_.pose + 3 * i, task.start);
+    store_pose(b_.odometry + 3 * i, task.start);
+    b_.twist[2 * i] = 0.0;
+    b_.twist[2 * i + 1] = 0.0;
+    b_.time[i] = 0.0;
+    b_.travelled[i] = 0.0;
+    b_.clearance[i] =
+        clearance(*task.world, DiscPlaces(*task.world, 0.0), robot_.footprint, task.start, config_.clearance_limit);
+    b_.least_clearance[i] = b_.clearance[i];
+    b_.collided[i] = b_.clearance[i] <= 0.0;
+    b_.reached[i] = norm(Vec2{task.start.x, task.start.y} - task.goal) < task.goal_tolerance;
+    guide(i);
+    sense(i);
+}
+
+void BatchSim::step_one(int i) {
+    const Task &task = *tasks_[i];
+    const double *params = b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams;
+    double *memory = b_.memory + static_cast<std::ptrdiff_t>(i) * kMemory;
+    double *history = memory + 2;
+    std::copy_backward(history, history + 2 * (kHistory - 1), history + 2 * kHistory);
+    const Twist command = clip_command({b_.command[2 * i], b_.command[2 * i + 1]}, robot_.limits);
+    history[0] = command.v;
+    history[1] = command.w;
+
+    const DriveLimits limits = limits_of(robot_, params);
+    // The base acts on a command `latency` old: the older one until the newer one is due, then that.
+    const double periods = std::min(params[kLatency] / robot_.dt_s, kHistory - 1.001);
+    const auto whole = static_cast<int>(periods);
+    const double older_s = (periods - whole) * robot_.dt_s;
+    const double spans[2] = {older_s, robot_.dt_s - older_s};
+
+    Pose pose = load_pose(b_.pose + 3 * i);
+    Pose odometry = load_pose(b_.odometry + 3 * i);
+    const Vec2 before{pose.x, pose.y};
+    Twist twist{b_.twist[2 * i], b_.twist[2 * i + 1]};
+    double clear = b_.clearance[i];
+    double least = clear;
+    double time_s = b_.time[i];
+    bool collided = false;
+    for (int part = 0; part < 2 && !collided; ++part) {
+        if (spans[part] <= 0.0) continue;
+        const double *due = history + 2 * (whole + 1 - part);
+        const Twist wanted{due[0] * params[kSpeedGain], due[1] * params[kYawGain]};
+        const Twist next = advance_twist(twist, wanted, limits, spans[part]);
+        const Twist mean{0.5 * (twist.v + next.v), 0.5 * (twist.w + next.w)};
+        const Motion motion =
+            drive(*task.world, robot_.footprint, pose, mean, time_s, spans[part], clear, config_.clearance_limit);
+        odometry = integrate(odometry,
+                             {mean.v * (1.0 + params[kOdometrySpeedError]), mean.w * (1.0 + params[kOdometryYawError])},
+                             motion.moved_s);
+        b_.travelled[i] += std::abs(mean.v) * motion.moved_s;
+        time_s += motion.moved_s;
+        pose = motion.pose;
+        twist = next;
+        clear = motion.final_clearance;
+        least = std::min(least, motion.clearance);
+        collided = motion.collided;
+    }
+    store_pose(b_.pose + 3 * i, pose);
+    store_pose(b_.odometry + 3 * i, odometry);
+    b_.twist[2 * i] = collided ? 0.0 : twist.v;
+    b_.twist[2 * i + 1] = collided ? 0.0 : twist.w;
+    b_.clearance[i] = clear;
+    b_.least_clearance[i] = least;
+    b_.collided[i] = collided;
+    b_.time[i] = time_s;
+    memory[1] += 1.0;
+    b_.reached[i] = arrived(i, before);
+    guide(i);
+    sense(i);
+}
+
+void BatchSim::follow_one(int i, Vec2 before) {
+    const Task &task = *tasks_[i];
+    const Pose pose = load_pose(b_.pose + 3 * i);
+    const double clear =
+        clearance(*task.world, DiscPlaces(*task.world, b_.time[i]), robot_.footprint, pose, config_.clearance_limit);
+    b_.least_clearance[i] = std::min(b_.clearance[i], clear);
+    b_.clearance[i] = clear;
+    b_.reached[i] = arrived(i, before);
+    guide(i);
+}
+
+bool BatchSim::arrived(int i, Vec2 before) const {
+    // A fast robot may cross the goal's disc between two instants: the chord counts, not its end alone.
+    const Task &task = *tasks_[i];
+    const Vec2 after{b_.pose[3 * i], b_.pose[3 * i + 1]};
+    return !b_.collided[i] && origin_to_segment(before - task.goal, after - task.goal) < task.goal_tolerance;
+}
+
+void BatchSim::sense(int i) {
+    const Task &task = *tasks_[i];
+    const double *params = b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams;
+    const double *memory = b_.memory + static_cast<std::ptrdiff_t>(i) * kMemory;
+    alignas(64) double exact[kMaxBeams + kLanes];
+    const Pose sensor = compose(load_pose(b_.pose + 3 * i), robot_.mount);
+    raycast(*task.world, DiscPlaces(*task.world, b_.time[i]), sensor, robot_.beams, robot_.max_range, exact);
+    float *out = b_.ranges + static_cast<std::ptrdiff_t>(i) * robot_.beams.count();
+    if (params[kRangeNoise] > 0.0 || params[kDropout] > 0.0) {
+        disturb(exact, robot_.beams.count(), random_key(b_.seed[i], static_cast<std::uint64_t>(memory[1])),
+                params[kRangeNoise], params[kDropout], robot_.max_range, out);
+    } else {
+        copy_ranges(exact, robot_.beams.count(), out);
+    }
+}
+
+void BatchSim::guide(int i) {
+    const Task &task = *tasks_[i];
+    double &along = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
+    const Guided guided = follow_path(*task.world, task.path, rules_, {b_.pose[3 * i], b_.pose[3 * i + 1]}, along);
+    along = guided.along;
+    b_.route_left[i] = guided.left;
+    const Vec2 waypoint = rules_.lookahead > 0.0 ? guided.waypoint : task.goal;
+    b_.waypoint[2 * i] = waypoint.x;
+    b_.waypoint[2 * i + 1] = waypoint.y;
+}
+
+GuideRules guide_rules(const Footprint &footprint, const SimConfig &config) {
+    return {config.lookahead, 2.0 * std::max(config.lookahead, config.dwa_lookahead),
+            footprint.radius + 0.5 * config.dwa.margin_m};
+}
+
+} // namespace adrl

@@ -1,0 +1,122 @@
+// N robots stepped at once, each in its own world. All that changes lives in arrays owned by the caller; a step
+// allocates nothing, and its results depend on neither the number of threads nor their order.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "control/dwa.hpp"
+#include "drive/collision.hpp"
+#include "drive/kinematics.hpp"
+#include "planning/path.hpp"
+#include "planning/path_guide.hpp"
+#include "thread_pool.hpp"
+#include "world/raycast.hpp"
+#include "world/world.hpp"
+
+namespace adrl {
+
+struct Robot {
+    Footprint footprint;
+    DriveLimits limits;
+    Beams beams;
+    Pose mount; // of the LiDAR, in the robot's frame
+    double max_range = 6.0;
+    double dt_s = 0.1;
+};
+
+struct Task {
+    std::shared_ptr<const World> world;
+    Pose start;
+    Vec2 goal;
+    double goal_tolerance = 0.3;
+    Path path;
+};
+
+// Columns of the `params` array: what may differ from robot to robot and from episode to episode.
+enum Param : int {
+    kSpeedGain, // executed over commanded speed; 1 is nominal
+    kYawGain,
+    kMaxAcceleration,
+    kMaxYawAcceleration,
+    kLag,
+    kLatency,
+    kRangeNoise, // metres
+    kDropout,    // chance a beam
+    kOdometrySpeedError,
+    kOdometryYawError, // relative
+    kNumParams
+};
+
+// Commands of the latest kHistory periods are kept, so latency may be up to kHistory - 1 periods.
+inline constexpr int kHistory = 9;
+// Columns of the `memory` array: arc length along the path, steps done, then commands, newest first.
+inline constexpr int kMemory = 2 + 2 * kHistory;
+
+// Row i belongs to robot i. All arrays are C-contiguous.
+struct SimBuffers {
+    const double *command;      // (N, 2) speed, yaw rate
+    const std::uint8_t *active; // (N) rows that step() moves
+    const std::uint64_t *seed;  // (N) of the noise
+    const double *params;       // (N, kNumParams)
+    float *ranges;              // (N, K)
+    double *pose;               // (N, 3) true
+    double *odometry;           // (N, 3) dead reckoning, starts at the true pose
+    double *twist;              // (N, 2) executed
+    double *clearance;          // (N) from the footprint's edge, at the end of the step
+    double *least_clearance;    // (N) during the step
+    double *waypoint;           // (N, 2) point of the path to head for
+    double *route_left;         // (N) metres of path left
+    double *time;               // (N) seconds since the start
+    double *travelled;          // (N) metres driven
+    std::uint8_t *reached;      // (N)
+    std::uint8_t *collided;     // (N)
+    double *memory;             // (N, kMemory)
+};
+
+struct SimConfig {
+    double clearance_limit = 1.0; // clearances are reported up to this, metres
+    double lookahead = 1.5;       // of the waypoint, metres along the path; 0 leaves the waypoint at the goal
+    double dwa_lookahead = 1.0;
+    DwaConfig dwa;
+};
+
+// How robots of this footprint are led along their paths.
+GuideRules guide_rules(const Footprint &footprint, const SimConfig &config);
+
+class BatchSim {
+  public:
+    BatchSim(int num_envs, int num_threads, Robot robot, SimConfig config, SimBuffers buffers);
+
+    int num_envs() const { return num_envs_; }
+    int num_threads() const { return pool_.size(); }
+    void set_task(int i, std::shared_ptr<const Task> task) { tasks_[i] = std::move(task); }
+    // Puts the robots of the mask at their tasks' starts, at rest, and senses. mask is (N).
+    void reset(const std::uint8_t *mask);
+    // Moves every active robot by one control period and senses.
+    void step();
+    // For robots that something else has moved, from the poses before (N, 3) to those in the buffers: whether the
+    // active ones have arrived, their clearance and their guidance. Senses nothing; whether they hit, the other tells.
+    void follow(const double *before);
+    // A*+DWA: a command for every active robot into out (N, 2), along its path with full knowledge of its world.
+    void plan(double *out);
+
+  private:
+    void reset_one(int i);
+    void step_one(int i);
+    void follow_one(int i, Vec2 before);
+    bool arrived(int i, Vec2 before) const;
+    void sense(int i);
+    void guide(int i);
+
+    int num_envs_;
+    Robot robot_;
+    SimConfig config_;
+    GuideRules rules_;
+    SimBuffers b_;
+    std::vector<std::shared_ptr<const Task>> tasks_;
+    ThreadPool pool_;
+};
+
+} // namespace adrl

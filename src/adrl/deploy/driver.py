@@ -1,0 +1,264 @@
+"""What a robot's node does between its topics, without any middleware: both generations of ROS share it.
+
+    driver = Driver(Navigator.load("runs/adrl-clutter-s0"))
+    driver.set_goal((3.0, 1.0), "odom")
+    report = driver.take_scan(scan, now_s)      # when a scan comes: the step, when one is due
+    report = driver.tick(now_s)                 # a few times a control period: the step, when no scan comes
+
+No clock, no threads: times are arguments, and one call is made at a time.
+"""
+
+import logging
+import math
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+from adrl.deploy import Command, Navigator, Odometry, Pose, Scan
+from adrl.deploy.localisation import Localisation
+from adrl.deploy.watch import has_jumped, is_plausible
+from adrl.errors import BadGoal, ConfigError, GoalRefused, NotLocalised, UnknownFrame
+
+LOG = logging.getLogger("adrl.driver")
+
+Source = Literal["pose", "odometry"]
+"""Where the place on the map comes from. pose: of a localisation, as AMCL's. odometry: its frame is the map's."""
+Outcome = Literal["", "reached", "failed", "cancelled"]
+"""How the last goal ended; nothing while it is driven to."""
+
+SLOW = 1.25
+"""A LiDAR with so many control periods between two scans is not waited for."""
+SMOOTHING = 0.2
+"""Weight of the newest time between two scans in their average."""
+STOPS = 10
+"""Commands to stand still that are sent after a goal has ended; then other sources of commands have the base."""
+MOVED_M = 0.05
+"""A goal on the map that localisation moves by so much in the odometry's frame is given anew."""
+UNKNOWN: Pose = (math.nan, math.nan, math.nan)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """What a step brought."""
+
+    command: Command
+    frame: str
+    """Of the command's waypoint and plan."""
+    send: bool
+    """Whether the command goes to the base. Not while there is no goal, so that others may drive it."""
+    goal: tuple[float, float] | None
+    """As it was given, in goal_frame."""
+    goal_frame: str
+    outcome: Outcome
+    goals: int
+    """Goals that have come so far, refused ones among them."""
+    refusal: GoalRefused | None
+    """Why the last goal was not taken; until another is, or the one before has ended."""
+    message: str
+    """For people: why the last goal failed or was refused."""
+
+
+class Driver:
+    """One robot's navigator, its goals in either frame, and the cadence of its steps."""
+
+    def __init__(
+        self,
+        navigator: Navigator,
+        *,
+        odom_frame: str = "odom",
+        map_frame: str = "map",
+        localisation: Source = "pose",
+    ) -> None:
+        """Raises ConfigError."""
+        if localisation not in get_args(Source):
+            raise ConfigError(f"localisation is {localisation!r}; give one of {', '.join(get_args(Source))}")
+        self.navigator = navigator
+        self.period_s = navigator.robot.control_period_s
+        self._odom_frame, self._map_frame = odom_frame, map_frame
+        self._source = localisation
+        self._localisation = Localisation()
+        self._strange_frames: set[str] = set()
+        """Frames of poses that were warned of."""
+        self._on_map = navigator.guidance == "map"
+        self._scan: Scan | None = None
+        self._odometry: Odometry | None = None
+        self._goal: tuple[float, float] | None = None
+        self._goal_frame = ""
+        self._outcome: Outcome = ""
+        self._goals = 0
+        self._refusal: GoalRefused | None = None
+        self._message = ""
+        self._stops_left = 0
+        """The base is ours for so many more commands without a goal."""
+        self._now_s = -math.inf
+        self._beat_s = -math.inf
+        self._scan_s = -math.inf
+        self._interval_s = self.period_s
+
+    @property
+    def has_base(self) -> bool:
+        """Whether commands are sent. Else others may drive the base."""
+        return self._stops_left > 0
+
+    @property
+    def localised(self) -> bool:
+        """Whether the robot's place on the map is known."""
+        return self._source == "odometry" or self._localisation.known
+
+    def set_goal(self, goal: tuple[float, float], frame: str) -> None:
+        """Drive to (x, y) of a frame from the next step on, instead of the goal before.
+
+        Raises GoalRefused: UnknownFrame, NotLocalised, BadGoal. The goal before stays then.
+        """
+        self._goals += 1
+        try:
+            self._check(goal, frame)
+        except GoalRefused as refusal:
+            self._refusal, self._message = refusal, str(refusal)
+            LOG.warning("goal refused: %s: %s", type(refusal).__name__, refusal)
+            raise
+        self._goal, self._goal_frame = goal, frame.removeprefix("/")
+        self._outcome, self._refusal, self._message = "", None, ""
+        self.navigator.set_goal(self._in_navigators_frame())
+        LOG.info("goal (%.2f, %.2f) in %s", *goal, self._goal_frame)
+
+    def cancel(self) -> None:
+        """Stand still from the next step on."""
+        if self._goal is not None:
+            self._end("cancelled")
+        self.navigator.cancel()
+
+    def take_odometry(self, odometry: Odometry) -> None:
+        """What the next step is driven by. Where it begins anew, a goal in its frame has lost its place."""
+        robot, last = self.navigator.robot, self._localisation.newest
+        if self._source == "pose" and last is not None and is_plausible(robot, odometry):
+            # Stamps that go back are a clock's jump, not the odometry's.
+            later = odometry.stamp_s > last.stamp_s
+            if later and has_jumped(robot, last, odometry):
+                self._begin_anew()
+        self._localisation.take_odometry(odometry)
+        self._odometry = odometry
+
+    def take_pose(self, pose: Pose, frame: str, stamp_s: float) -> None:
+        """Where a localisation saw the robot; of no use in another frame than the map's."""
+        if frame.removeprefix("/") != self._map_frame:
+            if frame not in self._strange_frames:
+                self._strange_frames.add(frame)
+                LOG.warning("poses in frame %r are not used; this robot's map is %r", frame, self._map_frame)
+            return
+        if self._source == "odometry" or not self._localisation.take_pose(pose, stamp_s):
+            return
+        if self._goal is None:
+            return
+        now, before = self._in_navigators_frame(), self.navigator.goal
+        if before is not None and math.dist(now, before) > MOVED_M:
+            self.navigator.set_goal(now)
+
+    def take_scan(self, scan: Scan, now_s: float) -> Report | None:
+        """A scan; the step that it begins, if one is due or nearly so."""
+        self._scan = scan
+        if self._scan_s < now_s < self._scan_s + 3.0 * self.period_s:
+            self._interval_s += SMOOTHING * (now_s - self._scan_s - self._interval_s)
+        self._scan_s = now_s
+        return self._step(now_s, now_s) if self._is_due(now_s, -self._slack_s) else None
+
+    def tick(self, now_s: float) -> Report | None:
+        """To be called a few times a control period: the step that is overdue without a scan, if any."""
+        wait_s = self._slack_s if self._interval_s < SLOW * self.period_s else 0.0
+        return self._step(now_s, now_s - wait_s) if self._is_due(now_s, wait_s) else None
+
+    def withhold(self, report: Report, now_s: float) -> Report:
+        """Stand still instead: the command took too long to make."""
+        return replace(report, command=self.navigator.withhold(now_s))
+
+    @property
+    def _slack_s(self) -> float:
+        """How much too early or late the scan may be that a step begins with: the one nearest to when it is due."""
+        return 0.5 * min(self._interval_s, self.period_s)
+
+    def _is_due(self, now_s: float, wait_s: float) -> bool:
+        since_s = now_s - self._beat_s
+        return since_s < -self.period_s or since_s >= self.period_s + wait_s - 1e-9
+
+    def _step(self, now_s: float, beat_s: float) -> Report:
+        """beat_s: from when on the next step is counted."""
+        if self._now_s - self.period_s <= now_s < self._now_s:
+            now_s = self._now_s  # clock and stamps come by different ways; a real jump is longer
+        scan, self._scan = self._scan, None
+        odometry, self._odometry = self._odometry, None
+        if now_s < self._now_s:
+            self._localisation.forget_stamps()
+            if odometry is not None:
+                self._localisation.take_odometry(odometry)
+        self._now_s, self._beat_s = now_s, beat_s
+        if self._goal is not None:
+            self._stops_left = STOPS
+        send = self.has_base
+        command = self.navigator.step(scan, odometry, now_s, map_pose=self._map_pose(), has_base=send)
+        if self._goal is not None and command.status in ("reached", "failed"):
+            self._end("reached" if command.status == "reached" else "failed", command.message)
+        if self._goal is None and send:
+            self._stops_left -= 1
+        return Report(
+            command=command,
+            frame=self._map_frame if self._on_map else self._odom_frame,
+            send=send,
+            goal=self._goal,
+            goal_frame=self._goal_frame,
+            outcome=self._outcome,
+            goals=self._goals,
+            refusal=self._refusal,
+            message=self._message,
+        )
+
+    def _begin_anew(self) -> None:
+        """Odometry has jumped: of its frame nothing is known any more."""
+        LOG.warning("odometry jumped: the place on the map is unknown until localisation tells it")
+        self._localisation.forget()
+        if self._goal is not None and self._goal_frame == self._odom_frame:
+            self._end(
+                "failed",
+                f"the odometry began anew, and with it the frame {self._odom_frame!r}; give the goal again",
+            )
+            self.navigator.cancel()
+
+    def _map_pose(self) -> Pose | None:
+        """Where the robot is on the map, UNKNOWN where that is needed and not known; None where it is not needed."""
+        needed = self._goal is not None and (self._on_map or self._goal_frame == self._map_frame)
+        if not needed or self._source == "odometry":
+            return None
+        newest = self._localisation.newest
+        if newest is None or not self._localisation.known:
+            return UNKNOWN
+        return self._localisation.to_map(newest.pose)
+
+    def _check(self, goal: tuple[float, float], frame: str) -> None:
+        """Raises GoalRefused."""
+        frames = (self._odom_frame, self._map_frame)
+        if frame.removeprefix("/") not in frames:
+            raise UnknownFrame(f"the goal is in frame {frame!r}; give it in {' or '.join(frames)}")
+        if not all(map(math.isfinite, goal)):
+            raise BadGoal(f"the goal {goal} is not finite; give metres")
+        on_map = self._on_map or frame.removeprefix("/") == self._map_frame
+        if on_map and not self.localised:
+            what = "guidance map needs" if self._on_map else f"a goal in {self._map_frame!r} needs"
+            raise NotLocalised(
+                f"{what} the robot's place on the map, and no localisation has told it: start one that publishes "
+                f"poses (amcl_pose)" + ("" if self._on_map else f", or give the goal in {self._odom_frame!r}")
+            )
+
+    def _in_navigators_frame(self) -> tuple[float, float]:
+        """The goal in the frame of the odometry, with guidance `map` in the map's."""
+        assert self._goal is not None
+        goal_on_map = self._goal_frame == self._map_frame
+        if goal_on_map == self._on_map or not self._localisation.known:
+            return self._goal
+        here = (*self._goal, 0.0)
+        place = self._localisation.to_map(here) if self._on_map else self._localisation.to_odom(here)
+        return place[:2]
+
+    def _end(self, outcome: Outcome, message: str = "") -> None:
+        """message: why it failed. A refusal on the way is a thing of the past."""
+        self._goal, self._outcome = None, outcome
+        self._refusal, self._message = None, message
+        level = logging.WARNING if outcome == "failed" else logging.INFO
+        LOG.log(level, "goal %s%s", outcome, message and f": {message}")

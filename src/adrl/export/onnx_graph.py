@@ -1,0 +1,308 @@
+"""The encoder and a policy as an ONNX graph: ranges, goal and twist in, action and velocity out."""
+
+import json
+import math
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from adrl.deploy.policy import MlpPolicy
+from adrl.deploy.setup import setup_of
+from adrl.errors import MissingExtra
+from adrl.observation import ObservationEncoder
+from adrl.observation.motion import CueSettings, cue_settings
+
+OPSET = 18
+"""The first in which ScatterElements takes the greatest of what falls on one place."""
+IR_VERSION = 10
+SLACK = 1e-3
+"""Of core/world/motion_cue.cpp: a point this near, in beams or sectors, to a border is on both sides of it."""
+ATAN = (0.0208351, -0.0851330, 0.1801410, -0.3302995, 0.9998660)
+"""Of rough_atan2 in core/world/geometry.hpp."""
+
+
+class Graph:
+    """Nodes and constants of a graph in the making; every method returns names of values."""
+
+    def __init__(self, onnx: Any) -> None:
+        self._onnx = onnx
+        self.nodes: list[Any] = []
+        self.constants: list[Any] = []
+
+    def constant(self, value: Any, dtype: Any = np.float32) -> str:
+        """A constant array or number."""
+        name = f"c{len(self.constants)}"
+        self.constants.append(self._onnx.numpy_helper.from_array(np.asarray(value, dtype), name))
+        return name
+
+    def op(self, kind: str, *inputs: str, output: str | None = None, **attributes: Any) -> str:
+        """One node."""
+        name = output or f"v{len(self.nodes)}"
+        self.nodes.append(self._onnx.helper.make_node(kind, list(inputs), [name], **attributes))
+        return name
+
+    def columns(self, value: str, *, start: int, stop: int) -> str:
+        """value[:, start:stop]."""
+        ends = (self.constant([number], np.int64) for number in (start, stop, 1))
+        return self.op("Slice", value, *ends)
+
+    def cast(self, value: str, dtype: Any) -> str:
+        """The same numbers in another type."""
+        return self.op("Cast", value, to=self._onnx.helper.np_dtype_to_tensor_dtype(np.dtype(dtype)))
+
+
+def to_onnx(policy: MlpPolicy) -> bytes:
+    """The model of a policy, N robots at once.
+
+    Inputs, float32: ranges (N, K) metres of the trained LiDAR, those beyond its reach, infinite ones among them, taken
+    as its reach; a NaN among a robot's ranges makes its outputs NaN. goal (N, 2) metres, in the robot's frame; twist
+    (N, 2) measured speed and yaw rate; last_action (N, 2). With motion cues also past_ranges (N, K) of history_steps
+    control periods ago, and, float64, pose and past_pose (N, 3) by odometry. Outputs: action (N, 2) in [-1, 1] and
+    velocity (N, 2), m/s and rad/s. Metadata: robot, encoder, guidance, method, maturity, version, as JSON.
+
+    Raises MissingExtra without onnx, CheckpointError.
+    """
+    try:
+        import onnx
+    except ImportError:
+        raise MissingExtra("writing ONNX needs onnx; run: pip install -c constraints.txt '.[onnx]'") from None
+    setup = setup_of(policy)
+    encoder = ObservationEncoder(setup.robot, setup.encoder)
+    graph = Graph(onnx)
+    steps = setup.encoder.history_steps
+    ranges = _within_reach(graph, "ranges", setup.robot.lidar.max_range_m)
+    parts = [_sectors(graph, encoder, ranges), _goal(graph, setup.encoder.goal_scale_m)]
+    fastest = [setup.robot.max_speed_mps, setup.robot.max_yaw_rate_radps]
+    parts += [graph.op("Div", "twist", graph.constant([fastest])), "last_action"]
+    if steps > 0:
+        past = _within_reach(graph, "past_ranges", setup.robot.lidar.max_range_m)
+        parts.append(
+            _motion(graph, cue_settings(setup.robot, setup.encoder.num_sectors, steps), ranges, past)
+        )
+    scans = ["ranges", "past_ranges"] if steps > 0 else ["ranges"]
+    action = _network(graph, policy, graph.op("Concat", *parts, axis=1))
+    action = graph.op("Where", _has_nan(graph, scans), graph.constant(math.nan), action, output="action")
+    span = setup.robot.max_speed_mps - setup.robot.min_speed_mps
+    scaled = graph.op("Mul", action, graph.constant([[0.5 * span, fastest[1]]]))
+    offset = graph.constant([[setup.robot.min_speed_mps + 0.5 * span, 0.0]])
+    graph.op("Add", scaled, offset, output="velocity")
+    return _model(onnx, graph, policy, setup.robot.lidar.num_beams, with_motion=steps > 0)
+
+
+def _model(onnx: Any, graph: Graph, policy: MlpPolicy, beams: int, *, with_motion: bool) -> bytes:
+    single, double = onnx.TensorProto.FLOAT, onnx.TensorProto.DOUBLE
+    inputs = [
+        ("ranges", beams, single),
+        ("goal", 2, single),
+        ("twist", 2, single),
+        ("last_action", 2, single),
+    ]
+    if with_motion:
+        inputs += [("past_ranges", beams, single), ("pose", 3, double), ("past_pose", 3, double)]
+    outputs = [("action", 2, single), ("velocity", 2, single)]
+    infos = [
+        [onnx.helper.make_tensor_value_info(name, kind, ["N", width]) for name, width, kind in group]
+        for group in (inputs, outputs)
+    ]
+    model = onnx.helper.make_model(
+        onnx.helper.make_graph(graph.nodes, "adrl", *infos, initializer=graph.constants),
+        opset_imports=[onnx.helper.make_opsetid("", OPSET)],
+        ir_version=IR_VERSION,
+        producer_name="adrl",
+        producer_version=version("adrl"),
+    )
+    onnx.helper.set_model_props(model, metadata(policy))
+    onnx.checker.check_model(model, full_check=True)
+    return model.SerializeToString()
+
+
+def metadata(policy: MlpPolicy) -> dict[str, str]:
+    """What a policy was made for, as texts; robot and encoder are JSON."""
+    config = policy.config
+    return {
+        "version": version("adrl"),
+        "robot": json.dumps(dict(config.robot)),
+        "encoder": json.dumps(dict(config.encoder)),
+        "guidance": config.guidance,
+        "method": config.method,
+        "maturity": repr(float(config.maturity)),
+    }
+
+
+def _within_reach(graph: Graph, ranges: str, greatest_m: float) -> str:
+    """(N, K) the same ranges from 0 to the LiDAR's reach; 0 for NaN, which has no place among sectors."""
+    ranges = graph.op("Where", graph.op("IsNaN", ranges), graph.constant(0.0), ranges)
+    return graph.op("Clip", ranges, graph.constant(0.0), graph.constant(greatest_m))
+
+
+def _has_nan(graph: Graph, scans: list[str]) -> str:
+    """(N, 1) whether a scan holds a NaN, which minima and activations may or may not pass on."""
+    numbers = [graph.cast(graph.op("IsNaN", scan), np.float32) for scan in scans]
+    count = graph.op("ReduceMax", graph.op("Concat", *numbers, axis=1), graph.constant([1], np.int64))
+    return graph.op("Greater", count, graph.constant(0.0))
+
+
+def _sectors(graph: Graph, encoder: ObservationEncoder, ranges: str) -> str:
+    """(N, S) log-scaled nearest ranges; see ObservationEncoder.encode."""
+    greatest, near = encoder.robot.lidar.max_range_m, encoder.config.near_m
+    # A column that reads the greatest range stands for the beams of sectors that have none.
+    column = graph.op("Mul", graph.columns(ranges, start=0, stop=1), graph.constant(0.0))
+    padded = graph.op("Concat", ranges, graph.op("Add", column, graph.constant(greatest)), axis=1)
+    beams = graph.op("Gather", padded, graph.constant(encoder.beams_of_sectors, np.int64), axis=1)
+    nearest = graph.op("ReduceMin", beams, graph.constant([2], np.int64), keepdims=0)
+    gap = graph.op("Max", graph.op("Sub", nearest, graph.constant(encoder.extent_m)), graph.constant(0.0))
+    log = graph.op("Log", graph.op("Add", graph.op("Div", gap, graph.constant(near)), graph.constant(1.0)))
+    return graph.op("Div", log, graph.constant(math.log1p(greatest / near)))
+
+
+def _goal(graph: Graph, scale_m: float) -> str:
+    """(N, 4) direction to the goal and its distance on two scales."""
+    distance = graph.op("ReduceL2", "goal", graph.constant([1], np.int64), keepdims=1)
+    direction = graph.op("Div", "goal", graph.op("Max", distance, graph.constant(1e-9)))
+    near = graph.op("Div", distance, graph.op("Add", distance, graph.constant(scale_m)))
+    far = graph.op("Min", graph.op("Mul", distance, graph.constant(0.1)), graph.constant(1.0))
+    return graph.op("Concat", direction, near, far, axis=1)
+
+
+def _network(graph: Graph, policy: MlpPolicy, x: str) -> str:
+    *hidden, (weight, bias) = policy.layers
+    for matrix, offset in hidden:
+        x = graph.op("Relu", graph.op("Gemm", x, graph.constant(matrix), graph.constant(offset)))
+    return graph.op("Tanh", graph.op("Gemm", x, graph.constant(weight), graph.constant(bias)))
+
+
+# --- motion cues: core/world/motion_cue.cpp, operation by operation, in the same precision -----------------------
+
+
+def _motion(graph: Graph, cue: CueSettings, ranges: str, past: str) -> str:
+    """(N, S) what has come, negative, or gone."""
+    now, then = _sensor(graph, "pose", cue), _sensor(graph, "past_pose", cue)
+    numbers = graph.constant([np.arange(cue.num_beams)], np.float64)
+    come = _marks(graph, cue, ranges, now, then, past, numbers)
+    gone = _marks(graph, cue, past, then, now, ranges, None)
+    taken = graph.op("Greater", come, graph.constant(0.0))
+    metres = graph.op("Where", taken, graph.op("Neg", come), gone)
+    share = graph.op("Div", metres, graph.constant(cue.scale_m))
+    return graph.op("Clip", share, graph.constant(-1.0), graph.constant(1.0))
+
+
+Place = tuple[str, str, str]
+"""x, y and heading (N, 1), float64."""
+
+
+def _sensor(graph: Graph, pose: str, cue: CueSettings) -> Place:
+    """The LiDAR's pose on a robot at `pose`."""
+    x, y, yaw = (graph.columns(pose, start=k, stop=k + 1) for k in range(3))
+    dx, dy = _turned(graph, cue.mount[0], cue.mount[1], graph.op("Cos", yaw), graph.op("Sin", yaw))
+    turned = graph.op("Add", yaw, graph.constant(cue.mount[2], np.float64))
+    return graph.op("Add", x, dx), graph.op("Add", y, dy), turned
+
+
+def _turned(graph: Graph, x: str | float, y: str | float, cos: str, sin: str) -> tuple[str, str]:
+    x, y = (v if isinstance(v, str) else graph.constant(v, np.float64) for v in (x, y))
+    ahead = graph.op("Sub", graph.op("Mul", cos, x), graph.op("Mul", sin, y))
+    return ahead, graph.op("Add", graph.op("Mul", sin, x), graph.op("Mul", cos, y))
+
+
+def _marks(
+    graph: Graph, cue: CueSettings, hits: str, source: Place, target: Place, other: str, beams: str | None
+) -> str:
+    """(N, S) greatest number of metres, in each sector, by which hits stand in what the other scan saw free.
+
+    beams: (1, K) where the hits are marked, as numbers of beams; None marks them where the other sensor has them.
+    """
+    distance, beam = _look(graph, cue, hits, source, target)
+    free = _free_beyond(graph, cue, other, beam, distance)
+    is_hit = graph.op("Less", hits, graph.constant(cue.max_range_m))
+    counts = graph.op("And", is_hit, graph.op("Greater", free, graph.constant(0.0)))
+    metres = graph.op("Where", counts, free, graph.constant(0.0))
+    # Spread over the rows: a constant is one row only.
+    at = (
+        beam
+        if beams is None
+        else graph.op("Add", beams, graph.op("Mul", beam, graph.constant(0.0, np.float64)))
+    )
+    angle = graph.op("Mul", at, graph.constant(cue.angle_increment_rad, np.float64))
+    first = graph.constant(cue.angle_min_rad, np.float64)
+    angle = graph.op("Add", graph.op("Add", first, angle), graph.constant(cue.mount[2], np.float64))
+    part = graph.op(
+        "Div",
+        graph.op("Add", angle, graph.constant(math.pi, np.float64)),
+        graph.constant(2.0 * math.pi, np.float64),
+    )
+    sectors = graph.constant(float(cue.num_sectors), np.float64)
+    place = graph.op("Mul", part, sectors)
+    sides = [graph.op("Add", place, graph.constant(slack, np.float64)) for slack in (-SLACK, SLACK)]
+    wrapped = [
+        graph.op("Sub", side, graph.op("Mul", graph.op("Floor", graph.op("Div", side, sectors)), sectors))
+        for side in sides
+    ]
+    index = graph.cast(graph.op("Concat", *wrapped, axis=1), np.int64)
+    zeros = graph.op(
+        "Mul", graph.columns("goal", start=0, stop=1), graph.constant(np.zeros((1, cue.num_sectors)))
+    )
+    values = graph.op("Concat", metres, metres, axis=1)
+    return graph.op("ScatterElements", zeros, index, values, axis=1, reduction="max")
+
+
+def _look(graph: Graph, cue: CueSettings, hits: str, source: Place, target: Place) -> tuple[str, str]:
+    """(N, K) distances of hits from another sensor, and the numbers of its beams that point there; float64."""
+    angles = cue.angle_min_rad + cue.angle_increment_rad * np.arange(cue.num_beams)
+    reach = graph.op("Min", graph.cast(hits, np.float64), graph.constant(cue.max_range_m, np.float64))
+    x = graph.op("Mul", reach, graph.constant([np.cos(angles)], np.float64))
+    y = graph.op("Mul", reach, graph.constant([np.sin(angles)], np.float64))
+    turn = graph.op("Sub", source[2], target[2])
+    px, py = _turned(graph, x, y, graph.op("Cos", turn), graph.op("Sin", turn))
+    dx, dy = (graph.op("Sub", a, b) for a, b in zip(source[:2], target[:2], strict=True))
+    back = graph.op("Neg", graph.op("Sin", target[2]))
+    ox, oy = _turned(graph, dx, dy, graph.op("Cos", target[2]), back)
+    px, py = graph.op("Add", px, ox), graph.op("Add", py, oy)
+    square = graph.op("Add", graph.op("Mul", px, px), graph.op("Mul", py, py))
+    bearing = graph.op("Sub", _rough_atan2(graph, py, px), graph.constant(cue.angle_min_rad, np.float64))
+    number = graph.op("Div", bearing, graph.constant(cue.angle_increment_rad, np.float64))
+    circle = graph.constant(2.0 * math.pi / cue.angle_increment_rad, np.float64)
+    turns = graph.op("Div", graph.op("Add", number, graph.constant(0.5, np.float64)), circle)
+    beam = graph.op("Sub", number, graph.op("Mul", circle, graph.op("Floor", turns)))
+    both = graph.op("Sqrt", square), beam
+    rounded = [graph.cast(graph.cast(value, np.float32), np.float64) for value in both]
+    return rounded[0], rounded[1]
+
+
+def _rough_atan2(graph: Graph, y: str, x: str) -> str:
+    def number(value: float) -> str:
+        return graph.constant(value, np.float64)
+
+    ax, ay = graph.op("Abs", x), graph.op("Abs", y)
+    q = graph.op("Div", graph.op("Min", ax, ay), graph.op("Add", graph.op("Max", ax, ay), number(1e-300)))
+    q2 = graph.op("Mul", q, q)
+    angle = number(ATAN[0])
+    for factor in ATAN[1:]:
+        angle = graph.op("Add", number(factor), graph.op("Mul", q2, angle))
+    angle = graph.op("Mul", q, angle)
+    zero = number(0.0)
+    for half, beyond in ((0.5 * math.pi, graph.op("Greater", ay, ax)), (math.pi, graph.op("Less", x, zero))):
+        angle = graph.op("Where", beyond, graph.op("Sub", number(half), angle), angle)
+    return graph.op("Where", graph.op("Less", y, zero), graph.op("Neg", angle), angle)
+
+
+def _free_beyond(graph: Graph, cue: CueSettings, ranges: str, beam: str, distance: str) -> str:
+    """(N, K) metres of free space that the other scan saw beyond a distance, by three beams in a row; float32."""
+    count = cue.num_beams
+    full_circle = abs(count * cue.angle_increment_rad - 2.0 * math.pi) < 1e-6
+    middle = graph.cast(graph.op("Floor", graph.op("Add", beam, graph.constant(0.5, np.float64))), np.int64)
+    read = []
+    for shift in (-1, 0, 1):
+        index = graph.op("Add", middle, graph.constant(shift, np.int64))
+        if full_circle:
+            index = graph.op("Mod", index, graph.constant(count, np.int64))
+        else:
+            index = graph.op("Clip", index, graph.constant(0, np.int64), graph.constant(count - 1, np.int64))
+        read.append(graph.op("GatherElements", ranges, index, axis=1))
+    told = graph.cast(graph.op("Add", distance, graph.constant(cue.margin_m, np.float64)), np.float32)
+    free = graph.op("Sub", graph.op("Min", *read), told)
+    if full_circle:
+        return free
+    ends = (graph.constant(-SLACK, np.float64), graph.constant(count - 1 + SLACK, np.float64))
+    outside = graph.op("Or", graph.op("Less", beam, ends[0]), graph.op("Greater", beam, ends[1]))
+    return graph.op("Where", outside, graph.constant(0.0), free)

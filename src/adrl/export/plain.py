@@ -1,0 +1,47 @@
+"""A policy and its encoder's tables in one safetensors file, for programs with neither Python nor ONNX."""
+
+import math
+
+import numpy as np
+from safetensors.numpy import save
+
+from adrl.deploy.policy import MlpPolicy
+from adrl.deploy.setup import setup_of
+from adrl.export.onnx_graph import metadata
+from adrl.observation import ObservationEncoder
+from adrl.observation.motion import cue_settings
+
+
+def to_safetensors(policy: MlpPolicy) -> bytes:
+    """All that examples/cpp/policy.hpp reads; the metadata is that of the ONNX model.
+
+    layers.I.weight (in, out), layers.I.bias (out,); encoder.beams (S, L) int32 numbers of each sector's beams,
+    num_beams for none; encoder.extent (S,) metres; encoder.scales: greatest range, near_m, 1 / log1p(greatest range /
+    near_m), goal_scale_m; limits: greatest speed, least speed, greatest yaw rate; lidar, float64: beams, angle_min,
+    angle_increment, mount x, y, yaw, greatest range; base, float64: control period, greatest acceleration and yaw
+    acceleration, lag, latency; footprint, float64: radius (1,), or corners (C, 2); with motion cues motion, float64:
+    steps, margin, scale.
+    """
+    setup = setup_of(policy)
+    robot, config = setup.robot, setup.encoder
+    encoder, lidar = ObservationEncoder(robot, config), robot.lidar
+    greatest = lidar.max_range_m
+    cue = cue_settings(robot, config.num_sectors, config.history_steps)
+    scales = [greatest, config.near_m, 1.0 / math.log1p(greatest / config.near_m), config.goal_scale_m]
+    tensors = {
+        "encoder.beams": encoder.beams_of_sectors,
+        "encoder.extent": encoder.extent_m,
+        "encoder.scales": np.array(scales, np.float32),
+        "limits": np.array([robot.max_speed_mps, robot.min_speed_mps, robot.max_yaw_rate_radps], np.float64),
+        "lidar": np.array([*cue[:3], *cue.mount, greatest], np.float64),
+    }
+    accelerations = [robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2]
+    tensors["base"] = np.array(
+        [robot.control_period_s, *accelerations, robot.lag_s, robot.latency_s], np.float64
+    )
+    tensors["footprint"] = np.array([robot.radius_m]) if robot.radius_m is not None else robot.polygon
+    if config.history_steps > 0:
+        tensors["motion"] = np.array([config.history_steps, cue.margin_m, cue.scale_m], np.float64)
+    for i, (weight, bias) in enumerate(policy.layers):
+        tensors |= {f"layers.{i}.weight": weight, f"layers.{i}.bias": bias}
+    return save({name: np.ascontiguousarray(tensor) for name, tensor in tensors.items()}, metadata(policy))

@@ -1,0 +1,1 @@
+"""The paper's section IV anew: its runs, kept results, tables, figures and statements."""

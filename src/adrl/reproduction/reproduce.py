@@ -1,0 +1,181 @@
+"""The paper's section IV with our statistics: two scenarios, each a comparison, and what is kept of them."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from adrl import files
+from adrl.agents.config import TrainConfig
+from adrl.agents.metrics import METRICS_FILE
+from adrl.comparison.compare import claim, compare
+from adrl.comparison.config import CompareConfig
+from adrl.comparison.jobs import EPISODES_FILE, ROUTES_FILE, Job, all_jobs, is_finished
+from adrl.comparison.pool import cores
+from adrl.comparison.results import read_runs
+from adrl.evaluation.results import read_table, write_table
+from adrl.report.metrics_log import read_metrics
+from adrl.report.source import read_json
+from adrl.reproduction import results as kept
+from adrl.reproduction.calls import Call
+from adrl.reproduction.reported import METHODS
+from adrl.runs import versions
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+SCHEMA_VERSION = 2
+ROUTES = 3
+"""Test tasks whose routes are drawn (Fig. 7)."""
+
+
+def preset(name: str) -> dict[str, CompareConfig]:
+    """scenario -> its comparison, of the preset quick or full.
+
+    As in the paper policies see the goal and no map, the replanner is off in training, and every policy is then driven
+    without and with it. Both scenarios have the same budget of environment steps.
+    """
+    seeds, episodes, steps, validation = {"quick": (2, 50, 65_536, 20), "full": (10, 200, 262_144, 40)}[name]
+    return {
+        scenario: CompareConfig(
+            scenario=scenario,
+            methods=",".join(METHODS),
+            seeds=seeds,
+            episodes=episodes,
+            guidance="goal",
+            eval_guidance="goal,replan",
+            validation_episodes=validation,
+            routes=ROUTES,
+            keep_checkpoints=False,
+            learner=TrainConfig(steps=steps, log_interval_steps=4096, eval_interval_steps=16_384),
+        )
+        for scenario in ("clutter", "complex")
+    }
+
+
+def reproduce(
+    comparisons: Mapping[str, CompareConfig],
+    out: Path,
+    results: Path,
+    *,
+    name: str,
+    on_change: Callable[[int, int, int], None] | None = None,
+) -> dict[str, Path]:
+    """Run what is not kept yet, and keep each job's result when it has ended; see adrl.reproduction.results.
+
+    comparisons: scenario -> its comparison, which runs in out/SCENARIO. What is in `results` is not run again, even
+    when `out` is gone. name: the preset's. on_change(done, running, total) is told the progress over all of them.
+    Returns the jobs whose process failed: scenario/name -> its log. Raises AdrlError as compare does.
+    """
+    placed = {scenario: replace(config, out=out / scenario) for scenario, config in comparisons.items()}
+    for scenario, config in placed.items():
+        claim(config, results / scenario)
+    about, earlier = _about(placed, name), _calls(results)
+
+    def record(*calls: dict[str, Any]) -> None:
+        content = about | {"calls": [*earlier, *calls]}
+        files.write_json(results / kept.ABOUT_FILE, content)
+
+    def kept_now() -> int:
+        return sum(len(kept_jobs(config, results / scenario)) for scenario, config in placed.items())
+
+    record()
+    total = sum(len(all_jobs(config)) for config in placed.values())
+    failed: dict[str, Path] = {}
+    for scenario, config in placed.items():
+        keep(config, results / scenario)  # of a call that was killed before it came to that
+    before = kept_now()
+    first = next(iter(placed.values()))
+    call = Call(record, None if first.ray else len(cores(first)))
+    for scenario, config in placed.items():
+
+        def tell(_: int, running: int, __: int, scenario: str = scenario) -> None:
+            keep(placed[scenario], results / scenario)
+            done = kept_now()
+            call.tell(done - before, running)
+            if on_change is not None:
+                on_change(done, running, total)
+
+        try:
+            result = compare(config, tell, elsewhere=kept_jobs(config, results / scenario))
+        finally:
+            call.close()
+        failed |= {f"{scenario}/{job}": log for job, log in result.failed.items()}
+    return failed
+
+
+def _calls(results: Path) -> list[dict[str, Any]]:
+    """Of earlier calls."""
+    path = results / kept.ABOUT_FILE
+    return read_json(path).get("calls", []) if path.exists() else []
+
+
+def kept_jobs(config: CompareConfig, folder: Path) -> list[Job]:
+    """Those of the comparison's jobs whose results are in the folder of the kept ones."""
+    return [job for job in all_jobs(config) if (folder / job.name / kept.RUN_FILE).exists()]
+
+
+def keep(config: CompareConfig, folder: Path) -> None:
+    """Write what adrl.reproduction.results reads of each job that has ended and is not in the folder yet."""
+    there = kept_jobs(config, folder)
+    for job in all_jobs(config):
+        if job in there or not is_finished(config, job):
+            continue
+        source, target = config.out / job.name, folder / job.name
+        if job.seed is not None:
+            write_table(target / kept.CURVE_FILE, _curve(source))
+        write_table(target / kept.EPISODES_FILE, _episodes(source))
+        if job.seed in (None, config.learner.seed):
+            routes = read_table(source / ROUTES_FILE).select(kept.ROUTE_COLUMNS)
+            write_table(target / kept.ROUTES_FILE, routes)
+        evaluations = [
+            {"guidance": run.summary["guidance"]} | {name: run.summary[name] for name in kept.RUN_METRICS}
+            for run in read_runs([source])
+        ]
+        head = {
+            "schema_version": SCHEMA_VERSION,
+            "method": job.method,
+            "seed": job.seed,
+            "versions": versions(),
+        }
+        files.write_json(target / kept.RUN_FILE, head | {"evaluations": evaluations})
+
+
+def _about(placed: Mapping[str, CompareConfig], name: str) -> dict[str, Any]:
+    scenarios = {
+        scenario: {
+            "title": config.title(),
+            "guidance": config.guidance,
+            "evaluated": list(config.guidance_names),
+            "steps": config.learner.steps,
+            "seeds": config.seeds,
+            "episodes": config.episodes,
+            "split": config.split,
+            "robot": config.robot,
+            "jobs": [job.name for job in all_jobs(config)],
+        }
+        for scenario, config in placed.items()
+    }
+    return {"schema_version": SCHEMA_VERSION, "preset": name, "scenarios": scenarios}
+
+
+def _curve(folder: Path) -> "pa.Table":
+    import pyarrow as pa
+
+    log = read_metrics(folder / METRICS_FILE)
+    missing = np.full(len(log["wall_s"]), np.nan)
+    return pa.table({n: pa.array(log.get(n, missing).astype(np.float32)) for n in kept.CURVE_COLUMNS})
+
+
+def _episodes(folder: Path) -> "pa.Table":
+    """What tables and figures need of each episode."""
+    import pyarrow as pa
+
+    table = read_table(folder / EPISODES_FILE)
+    kinds = {"task": pa.int16(), "success": pa.bool_(), "collision": pa.bool_()}
+    columns = {
+        name: table.column(name).cast(kinds.get(name, pa.float32()), safe=False) for name in kept.OUTCOMES
+    }
+    return pa.table({"guidance": table.column("guidance")} | columns)

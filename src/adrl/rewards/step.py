@@ -1,0 +1,68 @@
+"""What a step did: the quantities that reward terms and features are functions of."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.floating]
+Mask = NDArray[np.bool_]
+
+
+def reference_period_s(max_speed_mps: float) -> float:
+    """The step the paper's numbers and the discount are for: 0.1 s, or longer for a robot that is slow.
+
+    50 of them, the horizon of gamma = 0.98, are 5 s and at least 3 m of driving: enough to get round an
+    obstacle. Robots with other control periods are paid, and discounted, in proportion.
+    """
+    return max(0.1, 0.06 / max_speed_mps)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """What one control period did to N robots. Arrays are (N,); distances are to the policy's goal.
+
+    Both distances and both heading errors of a step are measured to the same goal point, also when guidance
+    moves the point after the step: only then do the differences of eq 10 add up along a path.
+    """
+
+    reached: Mask
+    """The robot is within the goal tolerance."""
+    collided: Mask
+    """The footprint touches an obstacle."""
+    timed_out: Mask
+    """The time is up, and the robot neither arrived nor collided."""
+    speed_mps: Array
+    """Executed forward speed at the end of the step."""
+    yaw_rate_radps: Array
+    """Executed yaw rate at the end of the step."""
+    distance_m: Array
+    previous_distance_m: Array
+    heading_error_rad: Array
+    """Signed angle from the heading to the goal, in (-pi, pi]."""
+    previous_heading_error_rad: Array
+    clearance_m: Array
+    """From the footprint's edge to the nearest obstacle."""
+    mean_displacement_m: Array
+    """Mean length of the last five steps."""
+    displacement_m: Array
+    """Length of this step, from its start to its end in a straight line."""
+    turn_rad: Array
+    """Signed change of the heading in this step."""
+    coordinate_distance_m: Array
+    """From the robot's centre to the nearest obstacle's middle; infinite where eq 8 does not ask for it."""
+    contact_m: float
+    """d_r of eq 8: radius of the robot's disc."""
+    max_speed_mps: float
+    max_yaw_rate_radps: float
+    dt_s: float
+
+    @property
+    def periods(self) -> float:
+        """Length of the step in reference periods: what is paid for time is paid in proportion."""
+        return self.dt_s / reference_period_s(self.max_speed_mps)
+
+    @property
+    def max_step_m(self) -> float:
+        """v_max dt, the longest step the robot can make."""
+        return self.max_speed_mps * self.dt_s

@@ -1,0 +1,184 @@
+"""adrl export, and the C++ example on what it writes."""
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+import pytest
+
+from adrl.deploy import MlpPolicy
+from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
+from adrl.export.plain import to_safetensors
+from adrl.types import RobotConfig
+from adrl.worlds import ROBOTS
+from deploy.recorded import a_policy
+from deploy.scan_rows import ScanRows, random_rows
+from export.test_onnx import ours
+from small_run import run_cli
+
+PROJECT = Path(__file__).resolve().parents[2]
+TOOLS = Path(sys.executable).parent
+
+
+@pytest.fixture(scope="module")
+def programs() -> Path:
+    """Folder of the built example; rebuilt when its sources or the core have changed."""
+    build = PROJECT / "build" / "cpp"
+    path = f"{TOOLS}{os.pathsep}{os.environ.get('PATH', '')}"
+    cmake = shutil.which("cmake", path=path)
+    assert cmake is not None, "cmake is one of the developers' tools: make setup"
+    for arguments in (["-S", PROJECT / "examples" / "cpp", "-B", build, "-G", "Ninja"], ["--build", build]):
+        done = subprocess.run(
+            [cmake, *map(str, arguments)],
+            env=os.environ | {"PATH": path},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+    return build
+
+
+def lines(rows: ScanRows, *, with_motion: bool) -> str:
+    """The rows as adrl_act reads them."""
+    parts = [rows.ranges, rows.goal, rows.twist, rows.last_action]
+    if with_motion:
+        parts += [rows.past_ranges, rows.pose, rows.past_pose]
+    return "\n".join(" ".join(f"{n:.17g}" for n in row) for row in np.concatenate(parts, axis=1))
+
+
+def act(programs: Path, file: Path, text: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [programs / "adrl_act", file], input=text, capture_output=True, text=True, check=False
+    )
+
+
+def velocities(programs: Path, file: Path, rows: ScanRows, *, with_motion: bool) -> np.ndarray:
+    """(N, 2) of adrl_act."""
+    done = act(programs, file, lines(rows, with_motion=with_motion))
+    assert done.returncode == 0, done.stderr
+    return np.array([line.split() for line in done.stdout.splitlines()], dtype=np.float64)
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+@pytest.mark.parametrize("history_steps", [0, 5])
+@pytest.mark.parametrize("name", ["diffbot", "jackal"])
+def test_the_cpp_example_agrees(programs: Path, tmp_path: Path, name: str, history_steps: int):
+    robot: RobotConfig = ROBOTS[name]
+    policy = a_policy(robot, history_steps=history_steps)
+    file = tmp_path / "policy.safetensors"
+    file.write_bytes(to_safetensors(policy))
+    rows = random_rows(robot, 50, seed=2)
+    theirs = velocities(programs, file, rows, with_motion=history_steps > 0)
+    np.testing.assert_allclose(theirs, ours(policy, robot, rows)[1], atol=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+@pytest.mark.parametrize("history_steps", [0, 5])
+def test_the_cpp_example_takes_inf_as_reach_and_tells_nan(programs: Path, tmp_path: Path, history_steps: int):
+    robot = ROBOTS["diffbot"]
+    policy = a_policy(robot, history_steps=history_steps)
+    file = tmp_path / "policy.safetensors"
+    file.write_bytes(to_safetensors(policy))
+    rows = random_rows(robot, 20, seed=3)
+    reach_m = np.float32(robot.lidar.max_range_m)
+    free = np.random.default_rng(0).random(rows.ranges.shape) < 0.3
+    infinite = replace(rows, ranges=np.where(free, np.inf, rows.ranges))
+    clipped = replace(rows, ranges=np.where(free, reach_m, rows.ranges))
+    theirs = velocities(programs, file, infinite, with_motion=history_steps > 0)
+    np.testing.assert_allclose(theirs, ours(policy, robot, clipped)[1], atol=1e-5)
+    rows.ranges[3, 40] = np.nan
+    theirs = velocities(programs, file, rows, with_motion=history_steps > 0)
+    assert np.isnan(theirs[3]).all()
+    assert np.isfinite(np.delete(theirs, 3, axis=0)).all()
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("1.0 " * 100, "line 1 has 100 numbers"),
+        ("1.0 " * 187, "line 1 has 187 numbers"),
+        ("1.0 " * 186 + "\n" + "1.0 " * 185, "line 2 has 185 numbers"),
+        ("1.0 " * 185 + "far", "no number: far"),
+    ],
+)
+def test_the_cpp_example_refuses_malformed_rows(programs: Path, tmp_path: Path, text: str, why: str):
+    file = tmp_path / "policy.safetensors"
+    file.write_bytes(to_safetensors(a_policy(ROBOTS["diffbot"])))
+    done = act(programs, file, text)
+    assert done.returncode == 1
+    assert why in done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_the_cpp_example_drives_as_the_robot_of_its_policy_can(programs: Path, tmp_path: Path):
+    file = tmp_path / "policy.safetensors"
+    policy = load_policy(resolve_policy(DEFAULT))
+
+    def drive(**changes: float) -> subprocess.CompletedProcess[str]:
+        config = replace(policy.config, robot={**policy.config.robot, **changes})
+        file.write_bytes(to_safetensors(MlpPolicy(policy.layers, config)))
+        return subprocess.run([programs / "adrl_drive", file], capture_output=True, text=True, check=False)
+
+    as_trained, sluggish = drive(), drive(max_acceleration_mps2=0.1)
+    for done in (as_trained, sluggish):
+        assert done.returncode == 0, done.stdout + done.stderr
+    first, second = (float(done.stdout.split()[-2]) for done in (as_trained, sluggish))
+    assert second > first + 2.0  # 0.6 m/s take 6 s instead of 0.3 s
+    assert drive(radius_m=0.9).returncode == 1  # it stands in the first pillar's way
+    late = drive(latency_s=0.1)
+    assert late.returncode == 1
+    assert "latency" in late.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+@pytest.mark.parametrize("content", [b"", b"\xff" * 64, b"\x10" + b"\0" * 7 + b'{"a":{"dtype":"F', None])
+def test_the_cpp_example_refuses_other_files(programs: Path, tmp_path: Path, content: bytes | None):
+    file = tmp_path / "policy.safetensors"
+    if content is not None:
+        file.write_bytes(content)
+    done = act(programs, file, "")
+    assert done.returncode == 1
+    assert done.stderr.startswith("adrl_act: ")
+
+
+def test_onnx_by_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    out = tmp_path / "model.onnx"
+    assert run_cli("export", "default", "--onnx", "--out", out) == 0
+    assert capsys.readouterr().out.strip() == str(out)
+    session = onnxruntime.InferenceSession(out, providers=["CPUExecutionProvider"])
+    assert session.get_modelmeta().custom_metadata_map["guidance"] == "map"
+
+
+def test_a_run_folder_keeps_its_model(tmp_path: Path):
+    a_policy(ROBOTS["diffbot"]).save(tmp_path / "run")
+    assert run_cli("export", tmp_path / "run", "--onnx") == 0
+    assert run_cli("export", tmp_path / "run", "--safetensors") == 0
+    names = {path.name for path in (tmp_path / "run").iterdir()}
+    assert {"policy.onnx", "policy.plain.safetensors"} <= names
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("default",),
+        ("default", "--onnx", "--safetensors"),
+        ("default", "--onnx"),
+        ("nowhere", "--onnx", "--out", "x"),
+    ],
+)
+def test_what_cannot_be_exported(arguments: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    assert run_cli("export", *arguments) == 2
+    assert list(tmp_path.iterdir()) == []
