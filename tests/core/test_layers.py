@@ -16,7 +16,7 @@ def test_every_folder_of_the_core_is_a_wing() -> None:
 
 @pytest.mark.parametrize("level", range(len(WINGS)))
 def test_a_wing_includes_no_higher_one(level: int) -> None:
-    files = [path for path in (CORE / WINGS[level]).glob("*.?pp")]
+    files = list((CORE / WINGS[level]).glob("*.?pp"))
     assert files
     for path in files:
         for included in re.findall(r'#include "([^"]+)"', path.read_text()):

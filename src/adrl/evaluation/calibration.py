@@ -1,7 +1,7 @@
 """Lag, acceleration and latency of our simulator's base, fitted to how another base drove.
 
-Each of speed and yaw rate follows its command as core/drive/kinematics.cpp has it. Where a command is `latency` old when it
-takes effect, a period has two parts: the older command's, then the newer one's.
+Each of speed and yaw rate follows its command as core/drive/kinematics.cpp has it. Where a command is `latency` old
+when it takes effect, a period has two parts: the older command's, then the newer one's.
 """
 
 from dataclasses import dataclass, replace
