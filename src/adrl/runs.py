@@ -3,6 +3,7 @@
 import functools
 import json
 import platform
+import re
 import time
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
@@ -27,6 +28,7 @@ from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Demonstrations, Source, collect, load_minari, recorded_worlds
 from adrl.imitation.probe import probe_steps, record_probe
 from adrl.observation import EncoderConfig
+from adrl.outputs import locked, require_folder
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards.config import STANDING_AT_WORST
 from adrl.rewards.step import reference_period_s
@@ -40,6 +42,8 @@ if TYPE_CHECKING:
 
 PROBE_STATES = 32
 """Each is driven from twice: at random, and by the expert."""
+RUN_FILES = ("versions.json", "metrics.jsonl", "policy.safetensors", checkpoint.FOLDER)
+"""One of these stands in the folder of a run."""
 VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "gymnasium", "safetensors")
 
 
@@ -64,7 +68,7 @@ class RunConfig(Place):
     """Run folder of a policy to begin with, or default: fine-tuning. It is held until the critics are warm, see
     critic_warmup_updates."""
     out: Path | None = None
-    """Run folder; runs/METHOD-SCENARIO-sSEED when left out."""
+    """Run folder; runs/METHOD-SCENARIO-ROBOT-GUIDANCE-sSEED when left out."""
     resume: bool = False
     """Go on from the newest checkpoint in the run folder; give the same options again."""
     num_envs: int = 64
@@ -141,6 +145,7 @@ def train(
     scenario, robot = config.load(), load_robot(config.robot)
     learner = with_horizon_of(config.resolved(), robot)
     out = run_folder(config, scenario)
+    require_folder("out", out, *RUN_FILES)
     if (out / "policy.safetensors").exists() and not config.resume:
         raise ConfigError(
             f"{out} holds a finished run; give another --out, or --resume to train it for longer"
@@ -150,7 +155,7 @@ def train(
         raise ConfigError(f"{out} holds an unfinished run; give --resume to go on with it, or another --out")
     start = None if config.fine_tune is None else load_policy(resolve_policy(config.fine_tune))
     make_env = env_maker(config, learner, scenario, robot)
-    with _robots(config, robot) as body:
+    with locked(out), _robots(config, robot) as body:
         env = make_env(
             config.num_envs,
             randomize=config.randomize and body is None,
@@ -196,7 +201,6 @@ def _train(
         "demonstration_seconds": demonstrated_s - began_s,
         "probe_seconds": time.monotonic() - demonstrated_s,
     }
-    out.mkdir(parents=True, exist_ok=True)
     if not resumed:
         files.write_json(out / "versions.json", versions())
 
@@ -242,9 +246,12 @@ def with_horizon_of(learner: TrainConfig, robot: RobotConfig) -> TrainConfig:
 
 
 def run_folder(config: RunConfig, scenario: Scenario) -> Path:
-    """Where the run goes."""
-    name = scenario.name.replace(":", "-")
-    return config.out or Path("runs") / f"{method_name(config.method)}-{name}-s{config.learner.seed}"
+    """Where the run goes: by default a name that tells what it is."""
+    if config.out is not None:
+        return config.out
+    parts = (method_name(config.method), scenario.name, load_robot(config.robot).name, config.guidance)
+    name = "-".join(re.sub(r"[^\w.-]+", "-", part) for part in parts)
+    return Path("runs") / f"{name}-s{config.learner.seed}"
 
 
 def versions() -> dict[str, str]:

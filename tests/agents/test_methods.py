@@ -79,7 +79,7 @@ def test_a_method_is_given_as_a_function_or_offered_by_an_installed_package(monk
         config = RunConfig(method=method)
         policy = about_policy(config, RobotConfig(), scenario, Path("run"))
         assert policy.method == policy.extra["settings"]["method"] == name
-        assert run_folder(config, scenario).name == f"{name}-clutter-s0"
+        assert run_folder(config, scenario).name == f"{name}-clutter-diffbot-goal-s0"
     with pytest.raises(ConfigError, match="makes no TrainConfig"):
         RunConfig(method="odd")
     with pytest.raises(UnknownName, match="did you mean 'slowly'"):

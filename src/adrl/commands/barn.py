@@ -13,8 +13,6 @@ from adrl.commands.options import (
     console,
     counting_bar,
     parse,
-    require_file,
-    require_folder,
     write_document,
 )
 from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
@@ -22,6 +20,7 @@ from adrl.deploy.setup import training_worlds
 from adrl.errors import ConfigError
 from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, require_v_max, warning, world_table
 from adrl.evaluation.results import write_table
+from adrl.outputs import require_file, require_folder
 from adrl.types import RobotConfig
 from adrl.worlds import ROBOTS, BarnScenario, robot_from_fields
 from adrl.worlds.barn import TIME_LIMIT_S

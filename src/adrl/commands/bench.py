@@ -9,8 +9,9 @@ from adrl import files
 from adrl.benchmarks.act import bench_act, bench_runtime
 from adrl.benchmarks.plan import bench_dwa, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
-from adrl.commands.options import Runner, parse, require_file, subcommand
+from adrl.commands.options import Runner, parse, subcommand
 from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
+from adrl.outputs import require_file
 
 
 @dataclass(frozen=True, kw_only=True)

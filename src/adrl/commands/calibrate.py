@@ -9,10 +9,11 @@ import tyro
 
 from adrl import files
 from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC
-from adrl.commands.options import console, parse, require_file
+from adrl.commands.options import console, parse
 from adrl.evaluation.calibration import calibrate
 from adrl.evaluation.drive_bags import read_bag
 from adrl.evaluation.drives import read_drives
+from adrl.outputs import require_file
 from adrl.worlds.robots import load_robot, robot_toml
 
 

@@ -6,11 +6,12 @@ from pathlib import Path
 from typing import Literal
 
 from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, SCAN_TOPIC
-from adrl.commands.options import console, parse, require_folder
+from adrl.commands.options import console, parse
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError
 from adrl.imitation import BagSummary, BagTopics, Source, collect, read_demonstrations, save_minari
 from adrl.observation import EncoderConfig
+from adrl.outputs import require_folder
 from adrl.worlds import load_robot
 from adrl.worlds.place import Place
 

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 
 from adrl.commands.job_bar import job_bar
-from adrl.commands.options import console, parse, require_folder
+from adrl.commands.options import console, parse
 from adrl.comparison.compare import compare
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.results import rich_table
+from adrl.outputs import require_folder
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -10,12 +10,11 @@ from adrl.commands.options import (
     console,
     counting_bar,
     parse,
-    require_file,
-    require_folder,
     write_document,
 )
 from adrl.errors import ConfigError
 from adrl.evaluation.results import comparison_table
+from adrl.outputs import require_file, require_folder
 from adrl.types import Task
 from adrl.worlds import load_robot, single_task
 from adrl.worlds.fixed import FixedWorld

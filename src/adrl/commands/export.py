@@ -7,11 +7,12 @@ from pathlib import Path
 from tyro.conf import Positional
 
 from adrl import files
-from adrl.commands.options import parse, require_file
+from adrl.commands.options import parse
 from adrl.deploy.policy import SHIPPED, load_policy, resolve_policy
 from adrl.errors import ConfigError
 from adrl.export.onnx_graph import to_onnx
 from adrl.export.plain import to_safetensors
+from adrl.outputs import require_file
 
 
 @dataclass(frozen=True, kw_only=True)

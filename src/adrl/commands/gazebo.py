@@ -14,8 +14,6 @@ from adrl.commands.options import (
     counting_bar,
     parse,
     progress_bar,
-    require_file,
-    require_folder,
     subcommand,
     write_document,
 )
@@ -26,6 +24,7 @@ from adrl.evaluation.results import comparison_table
 from adrl.evaluation.transfer import Side, transfer_document, transfer_table
 from adrl.integrations.gazebo import Gazebo
 from adrl.integrations.gazebo.film import contact_sheet
+from adrl.outputs import require_file, require_folder
 from adrl.types import RobotConfig
 from adrl.worlds import load_robot, task_set
 from adrl.worlds.place import Place

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from adrl import files
-from adrl.errors import ConfigError, UnknownName
+from adrl.errors import UnknownName
 
 Options = TypeVar("Options")
 Runner = Callable[[Sequence[str]], int]
@@ -45,24 +45,6 @@ def subcommand(
     if what not in kinds:
         raise UnknownName(noun, what, kinds)
     return kinds[what][1](rest)
-
-
-def require_folder(option: str, path: Path | None) -> None:
-    """Before the work starts: a folder can be made at path. Raises ConfigError where a file is in the way."""
-    if path is None:
-        return
-    existing = next(place for place in (path, *path.absolute().parents) if place.exists())
-    if not existing.is_dir():
-        raise ConfigError(f"{option} {path}: {existing} is no folder; give another place")
-
-
-def require_file(option: str, path: Path | None) -> None:
-    """The same of a file that is to be written at path."""
-    if path is None or str(path) == "-":
-        return
-    if path.is_dir():
-        raise ConfigError(f"{option} {path} is a folder; give a file")
-    require_folder(option, path.absolute().parent)
 
 
 def write_document(path: Path | None, document: Mapping[str, Any]) -> None:

@@ -8,9 +8,10 @@ from typing import Annotated, Any
 import tyro
 
 from adrl import api
-from adrl.commands.options import console, counting_bar, parse, require_file
+from adrl.commands.options import console, counting_bar, parse
 from adrl.deploy.policy import CONFIG_FILE, WEIGHTS_FILE
 from adrl.errors import ConfigError
+from adrl.outputs import require_file
 from adrl.report.html import plotly_script, write_report
 from adrl.report.paper import paper_figures
 from adrl.report.source import evaluation_folders, read_json, read_source

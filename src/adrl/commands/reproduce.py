@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from adrl.commands.job_bar import job_bar
-from adrl.commands.options import console, parse, require_folder
+from adrl.commands.options import console, parse
 from adrl.errors import ConfigError
+from adrl.outputs import require_folder
 from adrl.reproduction.reproduce import preset, reproduce
 from adrl.reproduction.tables import PAGE_FILE, write_report
 

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from adrl.agents.methods import method_name
 from adrl.cli import STARTED_S
-from adrl.commands.options import console, parse, progress_bar, require_folder
+from adrl.commands.options import console, parse, progress_bar
+from adrl.outputs import require_folder
 from adrl.runs import RunConfig, run_folder, train
 
 if TYPE_CHECKING:

@@ -15,6 +15,7 @@ from adrl.comparison.ray_pool import require_ray, run_on_ray
 from adrl.comparison.results import markdown, method_rows, read_runs
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.results import write_table
+from adrl.outputs import locked, require_folder
 
 SCHEMA_VERSION = 1
 SETTINGS_FILE = "settings.json"
@@ -51,7 +52,15 @@ def compare(
         require_ray()
     for method in config.method_names:
         config.run(method, config.learner.seed, config.out)
-    claim(config, config.out)
+    with locked(config.out):
+        claim(config, config.out)
+        return _run(config, on_change, elsewhere)
+
+
+def _run(
+    config: CompareConfig, on_change: Callable[[int, int, int], None] | None, elsewhere: Container[Job]
+) -> Comparison:
+    """The jobs that wait, and the tables."""
     jobs = all_jobs(config)
     waiting = [job for job in jobs if job not in elsewhere and not is_finished(config, job)]
     done = len(jobs) - len(waiting)
@@ -91,8 +100,8 @@ def claim(config: CompareConfig, folder: Path) -> None:
                 f"{folder} holds results of methods that are others today ({'; '.join(lines)}); "
                 "give another folder, or the version of before"
             )
-    elif folder.is_dir() and any(folder.iterdir()):
-        raise ConfigError(f"{folder} holds files of something else; give another one")
+    else:
+        require_folder("out", folder, SETTINGS_FILE)
     if methods.keys() - known.keys():
         content = {"schema_version": SCHEMA_VERSION, "settings": settings, "methods": known | methods}
         files.write_json(path, content)

@@ -1,6 +1,6 @@
 """What a robot's node does between its topics, without any middleware: both generations of ROS share it.
 
-    driver = Driver(Navigator.load("runs/adrl-clutter-s0"))
+    driver = Driver(Navigator.load("runs/mine"))
     driver.set_goal((3.0, 1.0), "odom")
     report = driver.take_scan(scan, now_s)      # when a scan comes: the step, when one is due
     report = driver.tick(now_s)                 # a few times a control period: the step, when no scan comes

@@ -1,6 +1,6 @@
 """A trained policy on one robot: scans, odometry and a goal in, a velocity out. The same code as in training.
 
-    navigator = Navigator.load("runs/adrl-clutter-s0")
+    navigator = Navigator.load("runs/mine")
     navigator.set_goal((3.0, 1.0))
     while running:                                  # once a control period
         command = navigator.step(scan, odometry, now_s)

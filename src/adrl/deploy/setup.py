@@ -1,7 +1,7 @@
 """The robot, encoder and replanner that a policy was trained with, from its config.json."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
@@ -43,6 +43,34 @@ def setup_of(policy: MlpPolicy) -> Setup:
             f"{config.input_size}; restore the file"
         )
     return Setup(robot=robot, encoder=encoder, replanner=replanner)
+
+
+def robot_differences(trained: RobotConfig, driven: RobotConfig) -> tuple[str, ...]:
+    """What is another number on the robot that is driven, as "max_speed_mps 0.9 instead of 0.6"; names do not count."""
+    there, here = _numbers(trained), _numbers(driven)
+    differing = [name for name in here if here[name] != there[name]]
+    return tuple(f"{name} {_text(here[name])} instead of {_text(there[name])}" for name in differing)
+
+
+def other_robot(policy: str, trained: RobotConfig, driven: RobotConfig) -> str | None:
+    """A line that says what is other on the robot that is driven than on the one a policy was trained for, or None."""
+    found = robot_differences(trained, driven)
+    if not found:
+        return None
+    name = driven.name if driven.name != trained.name else f"another {driven.name}"
+    return f"policy {policy} was trained for robot {trained.name} and drives {name}: {', '.join(found)}"
+
+
+def _numbers(robot: RobotConfig) -> dict[str, Any]:
+    fields = asdict(robot)
+    lidar = {f"lidar.{name}": value for name, value in fields.pop("lidar").items()}
+    return {name: value for name, value in (fields | lidar).items() if name != "name"}
+
+
+def _text(value: Any) -> str:
+    if value is None:
+        return "none"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 def training_worlds(config: PolicyConfig) -> set[str] | None:
