@@ -22,6 +22,10 @@ class UnknownName(AdrlError):
         super().__init__(f"unknown {kind} {name!r}: {hint}known: {', '.join(known)}")
 
 
+class FileError(AdrlError):
+    """A file is missing, no ordinary file, too large or malformed. The text goes on from the file's name."""
+
+
 class MapError(AdrlError):
     """A map file is missing, malformed or has no free cell."""
 

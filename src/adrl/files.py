@@ -1,4 +1,4 @@
-"""Writing files so that a reader sees the old content or the new one, never a part of either."""
+"""Files: written so that a reader sees the old content or the new one, read only where they are ordinary and small."""
 
 import json
 import os
@@ -7,6 +7,42 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
+
+from adrl.errors import FileError
+
+
+def read_bytes(path: str | os.PathLike[str], most_bytes: int) -> bytes:
+    """The content of an ordinary file of at most so many bytes: a device or a pipe may never end.
+
+    Raises FileError.
+    """
+    try:
+        # Without waiting: a pipe opens only when somebody writes to it.
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+    except FileNotFoundError:
+        raise FileError("does not exist") from None
+    except (OSError, ValueError) as error:
+        raise FileError(f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    try:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise FileError("cannot be read: it is no ordinary file")
+        with open(descriptor, "rb", closefd=False) as stream:
+            content = stream.read(most_bytes + 1)
+    except OSError as error:
+        raise FileError(f"cannot be read: {error.strerror}") from None
+    finally:
+        os.close(descriptor)
+    if len(content) > most_bytes:
+        raise FileError(f"is larger than {most_bytes / 2**20:g} MiB")
+    return content
+
+
+def read_text(path: str | os.PathLike[str], most_bytes: int) -> str:
+    """The same of a text in UTF-8, with or without a byte order mark. Raises FileError."""
+    try:
+        return read_bytes(path, most_bytes).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise FileError("cannot be read: it is no text in UTF-8") from None
 
 
 def atomic_write_bytes(path: str | os.PathLike[str], data: bytes) -> None:

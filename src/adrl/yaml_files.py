@@ -1,0 +1,68 @@
+"""Reading YAML that somebody gives us: safe, small, shallow, and each key once."""
+
+import os
+from collections import Counter
+from typing import Any
+
+import yaml
+
+from adrl.errors import FileError
+from adrl.files import read_text
+
+MAX_BYTES = 2**20
+MAX_DEPTH = 32
+MAX_NODES = 20_000
+"""Values in a file; an alias counts as all that it stands for."""
+
+
+def read_yaml(path: str | os.PathLike[str]) -> Any:
+    """The content of an ordinary YAML file. Raises FileError."""
+    text = read_text(path, MAX_BYTES)
+    try:
+        return yaml.load(text, Loader=_Loader)
+    except yaml.MarkedYAMLError as error:
+        line = f" in line {error.problem_mark.line + 1}" if error.problem_mark else ""
+        raise FileError(f"is not valid YAML: {error.problem}{line}") from None
+    except (yaml.YAMLError, ValueError) as error:
+        raise FileError(f"is not valid YAML: {' '.join(str(error).split())[:200]}") from None
+
+
+class _Loader(yaml.SafeLoader):
+    """The safe loader with limits. As for the parsers of map_server, a tab separates, but does not indent."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._depth = 0
+        self._nodes = 0
+        self._size: dict[yaml.Node, int] = {}
+        """Values of each finished node."""
+
+    def scan_to_next_token(self) -> None:
+        super().scan_to_next_token()
+        while self.peek() == "\t":
+            self.allow_simple_key &= bool(self.flow_level)
+            self.forward()
+            super().scan_to_next_token()
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        before, is_alias = self._nodes, self.check_event(yaml.AliasEvent)
+        self._depth += 1
+        if self._depth > MAX_DEPTH:
+            raise FileError(f"is nested more than {MAX_DEPTH} deep")
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        if node is None:
+            return None
+        self._nodes += self._size.get(node, MAX_NODES) if is_alias else 1  # an unfinished one holds itself
+        if self._nodes > MAX_NODES:
+            raise FileError(f"holds more than {MAX_NODES} values, aliases written out")
+        if not is_alias:
+            self._size[node] = self._nodes - before
+        return node
+
+    def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
+        node = super().compose_mapping_node(anchor)
+        keys = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
+        for key in (key for key, count in keys.items() if count > 1):
+            raise FileError(f"has {key!r} twice; leave one")
+        return node
