@@ -28,9 +28,11 @@ bool later(const OpenCell &a, const OpenCell &b) {
     return a.estimate > b.estimate || (a.estimate == b.estimate && a.cost < b.cost);
 }
 
+// Neighbours in the order in which they are looked at. Equal costs are decided by it, and tasks are fixed for ever.
+constexpr int kRow[8] = {-1, 1, 0, 0, -1, -1, 1, 1};
+constexpr int kColumn[8] = {0, 0, -1, 1, -1, 1, -1, 1};
+
 std::vector<Cell> trace_back(const std::vector<std::int8_t> &came_by, int width, Cell start, Cell goal) {
-    static constexpr int kRow[8] = {-1, 1, 0, 0, -1, -1, 1, 1};
-    static constexpr int kColumn[8] = {0, 0, -1, 1, -1, 1, -1, 1};
     std::vector<Cell> cells{goal};
     for (Cell at = goal; at.row != start.row || at.column != start.column;) {
         const int move = came_by[static_cast<std::size_t>(at.row) * width + at.column];
@@ -76,8 +78,6 @@ std::vector<GridPoint> farthest_visible(const std::uint8_t *blocked, int height,
 } // namespace
 
 GridPath astar(const std::uint8_t *blocked, int height, int width, Cell start, Cell goal) {
-    static constexpr int kRow[8] = {-1, 1, 0, 0, -1, -1, 1, 1};
-    static constexpr int kColumn[8] = {0, 0, -1, 1, -1, 1, -1, 1};
     const auto index_of = [&](Cell c) { return c.row * width + c.column; };
     const auto is_free = [&](int row, int column) {
         return row >= 0 && column >= 0 && row < height && column < width && !blocked[row * width + column];

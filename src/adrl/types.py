@@ -12,6 +12,8 @@ from adrl import _core
 from adrl.errors import ConfigError
 
 Array = NDArray[np.float64]
+ACTION_SIZE = 2
+"""Numbers of an action: speed, yaw rate."""
 GUIDANCE = ("goal", "replan", "map")
 Form = Literal["literal", "corrected"]
 """How an equation of the paper is computed: as printed, or as docs/fidelity.md says it has to be read."""
@@ -252,15 +254,15 @@ class World:
         x_min, y_min, x_max, y_max = self.bounds
         _require(x_min < x_max and y_min < y_max, f"world.bounds {self.bounds} is empty")
 
+    def disc_centres(self, time_s: float) -> Array:
+        """(M, 2) where the moving discs are at time_s."""
+        return disc_centres(self.discs, time_s)
+
     def coordinates(self, time_s: float) -> Array:
         """(M, 2) one point an obstacle, its middle: what eq 8 calls its coordinates. Solid cells are one each."""
         points = [self.circles[:, :2], 0.5 * (self.segments[:, :2] + self.segments[:, 2:])]
         points += [corners.mean(axis=0, keepdims=True) for corners in self.polygons]
-        ends, speed, phase, stop_s = self.discs[:, :4], self.discs[:, 5], self.discs[:, 6], self.discs[:, 7]
-        run = np.hypot(*(ends[:, 2:] - ends[:, :2]).T)
-        rounds = phase + speed * np.minimum(time_s, stop_s) / np.maximum(2.0 * run, 1e-9)
-        share = 1.0 - np.abs(1.0 - 2.0 * np.remainder(rounds, 1.0))
-        points.append(ends[:, :2] + share[:, None] * (ends[:, 2:] - ends[:, :2]))
+        points.append(self.disc_centres(time_s))
         return np.concatenate([*points, self._solid_cells])
 
     @cached_property
@@ -289,6 +291,15 @@ class World:
             grid.resolution_m if grid else 1.0,
             grid.origin if grid else (0.0, 0.0, 0.0),
         )
+
+
+def disc_centres(discs: Array, time_s: float) -> Array:
+    """(M, 8) rows of World.discs -> (M, 2) where they are at time_s; the kernels' MovingDisc::at is the same."""
+    ends, speed, phase, stop_s = discs[:, :4], discs[:, 5], discs[:, 6], discs[:, 7]
+    run = np.hypot(*(ends[:, 2:] - ends[:, :2]).T)
+    rounds = phase + speed * np.minimum(time_s, stop_s) / np.maximum(2.0 * run, 1e-9)
+    share = 1.0 - np.abs(1.0 - 2.0 * np.remainder(rounds, 1.0))
+    return ends[:, :2] + share[:, None] * (ends[:, 2:] - ends[:, :2])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

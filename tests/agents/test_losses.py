@@ -95,7 +95,7 @@ def test_cloning_alone_ignores_the_critic():
 def test_the_cloning_weight_means_the_same_for_any_scale_of_the_reward():
     """Q 100 times as large: the gradient points the same way (eq 6 with Q divided by mean |Q|)."""
     state, batch, experts = fresh(), random_batch(0), random_experts(1)
-    half = networks.parameter_count(SHAPE.critic)
+    half = len(networks.init(np.random.default_rng(0), SHAPE.critic))
     last_layer = np.ones(2 * half, np.float32)
     for start in (0, half):
         last_layer[start + half - CONFIG.widths[-1] - 1 : start + half] = 100.0

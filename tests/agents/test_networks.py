@@ -31,7 +31,11 @@ def relu_mlp(layers: list[tuple[F32, F32]], x: F32, layer_norm: bool) -> F32:
 
 
 def random_parameters(seed: int, sizes: networks.Sizes) -> F32:
-    return np.random.default_rng(seed).normal(size=networks.parameter_count(sizes)).astype(np.float32)
+    return (
+        np.random.default_rng(seed)
+        .normal(size=len(networks.init(np.random.default_rng(0), sizes)))
+        .astype(np.float32)
+    )
 
 
 @given(st.integers(0, 10_000), st.booleans())
@@ -63,7 +67,9 @@ def test_the_actor_equals_the_textbook():
 
 def plain_critic(parameters: jax.Array, x: jax.Array) -> jax.Array:
     """What twin_critics computes for its first critic, in plain JAX with its own derivatives."""
-    *hidden, (weight, bias) = networks.unflatten(parameters[: networks.parameter_count(SIZES)], SIZES)
+    *hidden, (weight, bias) = networks.unflatten(
+        parameters[: len(networks.init(np.random.default_rng(0), SIZES))], SIZES
+    )
     for w, b in hidden:
         h = x @ w
         h = (h - h.mean(axis=-1, keepdims=True)) / jnp.sqrt(

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from adrl.envs import NavEnv, NavVectorEnv
-from adrl.envs.render import DISC, FREE, GOAL, ROBOT, SIZE_PX, SOLID, WAYPOINT, View, disc_places
+from adrl.envs.render import DISC, FREE, GOAL, ROBOT, SIZE_PX, SOLID, WAYPOINT, View
 from adrl.errors import MissingExtra
 from adrl.types import OccupancyGrid, Task, World
 from adrl.worlds import ROBOTS
@@ -93,7 +93,7 @@ def test_discs_are_drawn_as_the_core_moves_them() -> None:
 
     world = furnished()
     for time_s in np.linspace(0.0, 20.0, 41):
-        ((x, y, radius),) = disc_places(world, float(time_s))
+        ((x, y),), radius = world.disc_centres(float(time_s)), world.discs[0, 4]
         poses = np.array([[x + 0.5, y, 0.0], [x, y + 0.5, 0.0]])
         gaps = _core.clearance(world.native, poses, 1e-9, np.empty((0, 2)), 1.0, float(time_s))
         np.testing.assert_allclose(gaps, 0.5 - radius, atol=1e-6)

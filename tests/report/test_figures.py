@@ -112,7 +112,7 @@ def test_a_pixel_is_grey_where_the_world_is_solid_and_white_where_it_is_free(yaw
 def test_discs_are_drawn_where_the_lidar_sees_them_at_time_0(phase, radius):
     disc = np.array([[1.0, 1.0, 4.0, 3.0, radius, 0.4, phase, math.inf]])
     moving = World(bounds=(0.0, 0.0, SIZE_M, SIZE_M), discs=disc)
-    (centre,) = figures.disc_starts(moving)
+    (centre,) = moving.disc_centres(0.0)
     eye = np.array([6.0, 6.0])
     bearing = np.arctan2(*(centre - eye)[::-1])
     seen = _core.raycast(moving.native, np.array([[*eye, bearing]]), np.zeros(1), 20.0)

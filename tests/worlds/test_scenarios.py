@@ -14,7 +14,6 @@ from adrl.planning.global_planner import length_m
 from adrl.planning.grid import MARGIN_M, clearance_limit_m, free_space, planning_grid
 from adrl.types import SPLITS, Array, RobotConfig, Scenario, Task, World
 from adrl.worlds import ROBOTS, SCENARIOS, get_scenario, task_set
-from adrl.worlds.dynamic import position
 from adrl.worlds.tasks import task_space
 
 EVERY_SCENARIO = pytest.mark.parametrize("scenario", SCENARIOS.values(), ids=SCENARIOS)
@@ -185,12 +184,12 @@ def test_no_disc_starts_near_the_robot(robot: RobotConfig) -> None:
         assert clearance(only_discs, np.array([task.start[:2]]), 0.0)[0] >= 1.5 - 1e-9
 
 
-def test_the_core_moves_discs_as_the_scenario_assumes() -> None:
+def test_the_core_moves_discs_as_worlds_say() -> None:
     a, b = np.array([1.0, 2.0]), np.array([4.0, 6.0])  # 5 m apart
     for phase in (0.0, 0.2, 0.5, 0.7, 0.99):
         world = World(bounds=(0, 0, 9, 9), discs=np.array([[*a, *b, 0.25, 0.5, phase, math.inf]]))
         for time_s in (0.0, 3.0, 11.0, 30.0):
-            there = position(a[None], b[None], (phase + 0.5 * time_s / 10.0) % 1.0)
+            there = world.disc_centres(time_s)
             beside = np.add(there, (0.6, 0.8))
             assert clearance(world, beside, 0.0, time_s)[0] == pytest.approx(0.75, abs=1e-6)
 

@@ -24,11 +24,6 @@ Vector = TypeVar("Vector", jax.Array, NDArray[np.float32])
 NORM_EPSILON = 1e-5
 
 
-def parameter_count(sizes: Sizes) -> int:
-    """Length of the parameter vector of one network."""
-    return sum(i * o + o for i, o in pairwise(sizes))
-
-
 def init(rng: np.random.Generator, sizes: Sizes) -> NDArray[np.float32]:
     """Parameters of one network: U(-1, 1) / sqrt(in) weights, a hundredth of that in the last, zero biases.
 

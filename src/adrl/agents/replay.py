@@ -19,11 +19,11 @@ from adrl.errors import CheckpointError, DatasetError
 from adrl.imitation.demonstrations import Demonstrations
 from adrl.observation import Mirror
 from adrl.rewards import FEATURES, REWARD_TERMS
+from adrl.types import ACTION_SIZE
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
-ACTION_SIZE = 2
 FAILURE_TERM = 1
 FAILURE_STEPS = 10
 """A window drawn for a failure starts in one of so many steps, the failing one the last."""

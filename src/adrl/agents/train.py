@@ -35,12 +35,13 @@ from adrl.agents.metrics import (
     reward_row,
     spent_fraction,
 )
-from adrl.agents.replay import ACTION_SIZE, Demonstrations
+from adrl.agents.replay import Demonstrations
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import CheckpointError, ConfigError
 from adrl.imitation.probe import Probe
 from adrl.observation import Mirror
 from adrl.rewards import reward
+from adrl.types import ACTION_SIZE
 
 F32 = NDArray[np.float32]
 

@@ -17,13 +17,13 @@ from safetensors.numpy import save as pack_safetensors
 
 from adrl.errors import CheckpointError
 from adrl.files import atomic_write_bytes, write_json
+from adrl.types import ACTION_SIZE
 
 F32 = NDArray[np.float32]
 
 SCHEMA_VERSION = 1
 WEIGHTS_FILE = "policy.safetensors"
 CONFIG_FILE = "config.json"
-ACTION_SIZE = 2
 DEFAULT = "default"
 SHIPPED = {
     DEFAULT: "ships with ADRL: diffbot, waypoints of a map",

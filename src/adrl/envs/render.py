@@ -71,7 +71,8 @@ class Renderer:
         image = self._background.copy()
         draw = ImageDraw.Draw(image)
         x, y, theta = sim.b["pose"][index]
-        for disc_x, disc_y, radius in disc_places(task.world, float(sim.b["time"][index])):
+        centres = task.world.disc_centres(float(sim.b["time"][index]))
+        for (disc_x, disc_y), radius in zip(centres, task.world.discs[:, 4], strict=True):
             draw.ellipse(view.disc(disc_x, disc_y, radius), fill=DISC)
         draw.point([p for hit in view.pixels(_hits(sim, index)) for p in hit], fill=SCAN)
         draw.line(view.pixels(task.path), fill=PATH, width=2)
@@ -140,17 +141,6 @@ def background(world: World) -> Image.Image:
     for segment in world.segments:
         draw.line(view.pixels(segment), fill=SOLID, width=3)
     return image
-
-
-def disc_places(world: World, time_s: float) -> list[tuple[float, float, float]]:
-    """(x, y, radius) of the moving discs at one instant; see adrl.types.World.discs."""
-    places = []
-    for x1, y1, x2, y2, radius, speed, phase, stop_s in world.discs:
-        length = float(np.hypot(x2 - x1, y2 - y1))
-        turn = (phase + speed * min(time_s, stop_s) / (2.0 * length)) % 1.0 if length > 0.0 else 0.0
-        u = 2.0 * turn if turn < 0.5 else 2.0 - 2.0 * turn
-        places.append((x1 + u * (x2 - x1), y1 + u * (y2 - y1), radius))
-    return places
 
 
 def _hits(sim: "NavSim", index: int) -> Array:

@@ -16,7 +16,7 @@ from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward
-from adrl.types import RobotConfig, Scenario, Task
+from adrl.types import ACTION_SIZE, RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, robot_from_fields, task_set
 
 F32 = NDArray[np.float32]
@@ -122,7 +122,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         self._task_index = np.zeros(num_envs, dtype=np.int64)
         size, limit = self.sim.encoder.size, self.sim.encoder.limit
         self.single_observation_space = spaces.Box(-limit, limit, (size,), np.float32)
-        self.single_action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self.single_action_space = spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.render_mode = render_mode

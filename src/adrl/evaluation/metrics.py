@@ -48,7 +48,7 @@ class Episodes:
     mean_speed_mps: Array
     """(E,) distance_m / time_s."""
     smoothness: Array
-    """(E,) mean absolute yaw acceleration in rad/s^2, see `smoothness_radps2`. Smaller is smoother."""
+    """(E,) mean absolute yaw acceleration in rad/s^2: the total variation of the yaw rate per second."""
     start_xy_m: Array
     """(E, 2) where the robot started."""
     goal_xy_m: Array
@@ -116,17 +116,6 @@ class Episodes:
             raise CheckpointError(f"episode table is malformed: {error}") from error
 
 
-def smoothness_radps2(yaw_rate_radps: Array, dt_s: float) -> float:
-    """Mean absolute yaw acceleration of yaw rates (T,) dt_s apart: sum_k |w_(k+1) - w_k| / ((T - 1) dt).
-
-    It is the total variation of the yaw rate per second: 0 on a line or a circle, large when the robot
-    wiggles. 0 for fewer than two samples.
-    """
-    if len(yaw_rate_radps) < 2:
-        return 0.0
-    return float(np.abs(np.diff(yaw_rate_radps)).mean() / dt_s)
-
-
 def optimality_ratios(episodes: Episodes) -> Array:
     """(successes,) path driven / shortest path. Left out: a start at the goal, where there is no ratio.
 
@@ -166,49 +155,9 @@ COMMON = (
 """Keys of means_on_common_tasks."""
 
 
-def rate(episodes: Episodes, ending: str) -> float:
-    """Fraction of the episodes with this ending, one of RATES. NaN for no episodes."""
-    return _mean(getattr(episodes, ending))
-
-
 def success_rate(episodes: Episodes) -> float:
     """Fraction of the episodes that reached the goal. NaN for no episodes."""
-    return rate(episodes, "success")
-
-
-def collision_rate(episodes: Episodes) -> float:
-    """Fraction of the episodes that touched an obstacle. NaN for no episodes."""
-    return rate(episodes, "collision")
-
-
-def timeout_rate(episodes: Episodes) -> float:
-    """Fraction of the episodes that ran out of time. NaN for no episodes."""
-    return rate(episodes, "timeout")
-
-
-def average_distance_m(episodes: Episodes) -> float:
-    """Av.D of Table I: mean length of the path driven, over successes. NaN without one."""
-    return _mean(SAMPLES["distance_m"](episodes))
-
-
-def average_time_s(episodes: Episodes) -> float:
-    """Av.T of Table I: mean time to the goal, over successes. NaN without one."""
-    return _mean(SAMPLES["time_s"](episodes))
-
-
-def optimality(episodes: Episodes) -> float:
-    """Mean over successes of path driven / shortest path. NaN without one."""
-    return _mean(SAMPLES["optimality"](episodes))
-
-
-def spl(episodes: Episodes) -> float:
-    """Success weighted by path length: mean of success * shortest / max(driven, shortest), or NaN."""
-    return _mean(SAMPLES["spl"](episodes))
-
-
-def least_clearance_m(episodes: Episodes) -> float:
-    """Mean over all episodes of the least clearance of each. NaN for no episodes."""
-    return _mean(SAMPLES["least_clearance_m"](episodes))
+    return _mean(episodes.success)
 
 
 def on_common_tasks(several: Sequence[Episodes]) -> list[Episodes]:

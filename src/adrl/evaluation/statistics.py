@@ -7,7 +7,7 @@ statistical precipice".
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from statistics import NormalDist
 from typing import NamedTuple
 
@@ -36,21 +36,19 @@ UNDEFINED = Interval(math.nan, math.nan, math.nan)
 def wilson_interval(successes: int, trials: int, *, confidence: float = 0.95) -> Interval:
     """Wilson's score interval of a rate (Wilson 1927). Undefined for 0 trials.
 
-    centre +- half = (p + z^2/2n +- z sqrt(p (1-p)/n + z^2/4n^2)) / (1 + z^2/n),  p = successes / n. Unlike
-    the normal one it stays in [0, 1] and keeps its coverage near 0 and 1, where success rates are.
+    Unlike the normal one it stays in [0, 1] and keeps its coverage near 0 and 1, where success rates are.
     """
     _check_confidence(confidence)
     if not 0 <= successes <= trials:
         raise ValueError(f"{successes} successes of {trials} trials; give 0 <= successes <= trials")
     if trials == 0:
         return UNDEFINED
+    from scipy.stats import binomtest
+
     rate = successes / trials
-    z_squared = NormalDist().inv_cdf(0.5 + 0.5 * confidence) ** 2
-    shrink = 1.0 + z_squared / trials
-    centre = (rate + 0.5 * z_squared / trials) / shrink
-    half = math.sqrt(z_squared * (rate * (1.0 - rate) / trials + 0.25 * z_squared / trials**2)) / shrink
+    ends = binomtest(int(successes), int(trials)).proportion_ci(confidence, method="wilson")
     # At rate 0 and 1 one end equals the rate but for rounding.
-    return Interval(rate, max(0.0, min(rate, centre - half)), min(1.0, max(rate, centre + half)))
+    return Interval(rate, min(rate, float(ends.low)), max(rate, float(ends.high)))
 
 
 def bootstrap_mean(
@@ -58,7 +56,7 @@ def bootstrap_mean(
 ) -> Interval:
     """Percentile bootstrap of the mean of samples (E,). No samples: undefined; one sample: no ends."""
     values = _column(samples)
-    return _bootstrap(values[:, None], _mean, confidence, resamples, seed)
+    return _bootstrap([values], _mean, confidence, resamples, seed)
 
 
 def paired_difference(
@@ -116,15 +114,6 @@ def _tango_upper(b: int, c: int, n: int, z_squared: float) -> float:
     return low
 
 
-def interquartile_mean(scores: ArrayLike) -> float:
-    """Mean of all scores but the floor(n/4) smallest and largest: the IQM of Agarwal et al. 2021.
-
-    With fewer than four scores nothing is cut and it is the mean. NaN for no scores.
-    """
-    values = np.asarray(scores, dtype=np.float64).reshape(1, -1)
-    return float(_iqm(values)[0]) if values.size else math.nan
-
-
 def seed_mean(
     scores: ArrayLike, *, confidence: float = 0.95, resamples: int = RESAMPLES, seed: int = 0
 ) -> Interval:
@@ -135,14 +124,17 @@ def seed_mean(
     of one training rise and fall together, and taking them apart makes the interval too narrow. One seed: no
     ends.
     """
-    return _bootstrap(_seeds(scores), _mean, confidence, resamples, seed)
+    return _bootstrap(list(_seeds(scores).T), _mean, confidence, resamples, seed)
 
 
 def seed_iqm(
     scores: ArrayLike, *, confidence: float = 0.95, resamples: int = RESAMPLES, seed: int = 0
 ) -> Interval:
-    """Interquartile mean over seeds and scenarios, (M,) or (M, K), with a stratified bootstrap interval."""
-    return _bootstrap(_seeds(scores), _iqm, confidence, resamples, seed)
+    """Interquartile mean over seeds and scenarios, (M,) or (M, K), with a stratified bootstrap interval.
+
+    The mean of all scores but the floor(n/4) smallest and largest (Agarwal et al. 2021).
+    """
+    return _bootstrap(list(_seeds(scores).T), _iqm, confidence, resamples, seed)
 
 
 def probability_of_improvement(
@@ -160,58 +152,59 @@ def probability_of_improvement(
         raise ValueError(f"methods were run in {x.shape[1]} and {y.shape[1]} scenarios; give the same ones")
     if not (x.size and y.size):
         return UNDEFINED
-    # (M, 1, K) against (1, N, K) -> (M, N, K)
-    wins = 0.5 * (np.sign(x[:, None] - y[None]) + 1.0)
-    estimate = float(wins.mean())
-    if min(len(x), len(y)) < 2:
-        return Interval(estimate, math.nan, math.nan)
-    rng = np.random.default_rng(seed)
-    replicates = np.zeros(resamples)
-    for scenario in range(x.shape[1]):
-        # How often each seed was drawn, (R, M) and (R, N): the mean over pairs is bilinear in these.
-        drawn_x = rng.multinomial(len(x), np.full(len(x), 1.0 / len(x)), size=resamples)
-        drawn_y = rng.multinomial(len(y), np.full(len(y), 1.0 / len(y)), size=resamples)
-        replicates += ((drawn_x @ wins[:, :, scenario]) * drawn_y).sum(axis=1)
-    return _percentiles(estimate, replicates / wins.size, confidence)
+    return _bootstrap([*x.T, *y.T], _share_of_wins, confidence, resamples, seed)
 
 
 def _bootstrap(
-    scores: Array, statistic: Callable[[Array], Array], confidence: float, resamples: int, seed: int
+    strata: Sequence[Array],
+    statistic: Callable[..., Array],
+    confidence: float,
+    resamples: int,
+    seed: int,
 ) -> Interval:
-    """Percentile bootstrap of a statistic (R, M * K) -> (R,); seeds of scores (M, K) drawn per scenario."""
+    """Percentile bootstrap of statistic(*strata, axis), each stratum (n,) resampled within itself."""
     _check_confidence(confidence)
-    if scores.size == 0:
+    if any(not stratum.size for stratum in strata) or not strata:
         return UNDEFINED
-    estimate = float(statistic(scores.reshape(1, -1))[0])
-    if len(scores) < 2:
+    estimate = float(statistic(*strata, axis=-1))
+    if min(map(len, strata)) < 2:
         return Interval(estimate, math.nan, math.nan)
-    rng = np.random.default_rng(seed)
-    block = max(1, _BLOCK_NUMBERS // scores.size)
-    replicates = np.empty(resamples)
-    for first in range(0, resamples, block):
-        count = min(block, resamples - first)
-        rows = rng.integers(0, len(scores), size=(count, *scores.shape))
-        drawn = scores.take(rows * scores.shape[1] + np.arange(scores.shape[1]))  # (count, M, K)
-        replicates[first : first + count] = statistic(drawn.reshape(count, -1))
-    return _percentiles(estimate, replicates, confidence)
+    from scipy.stats import bootstrap
+
+    ends = bootstrap(
+        tuple(strata),
+        statistic,
+        n_resamples=resamples,
+        batch=max(1, _BLOCK_NUMBERS // sum(map(len, strata))),
+        vectorized=True,
+        confidence_level=confidence,
+        method="percentile",
+        rng=np.random.default_rng(seed),
+    ).confidence_interval
+    # Rounding or skew may leave the estimate outside.
+    return Interval(estimate, min(float(ends.low), estimate), max(float(ends.high), estimate))
 
 
-def _percentiles(estimate: float, replicates: Array, confidence: float) -> Interval:
-    """The central share of the replicates, widened where rounding or skew leave the estimate outside."""
-    tail = 0.5 * (1.0 - confidence)
-    low, high = np.quantile(replicates, (tail, 1.0 - tail))
-    return Interval(estimate, min(float(low), estimate), max(float(high), estimate))
+def _mean(*strata: Array, axis: int) -> Array:
+    """Over all numbers of all strata."""
+    return np.concatenate(strata, axis=axis).mean(axis=axis)
 
 
-def _mean(values: Array) -> Array:
-    """(R, n) -> (R,)."""
-    return values.mean(axis=1)
+def _iqm(*strata: Array, axis: int) -> Array:
+    """Over all numbers of all strata."""
+    from scipy.stats import trim_mean
+
+    return trim_mean(np.concatenate(strata, axis=axis), 0.25, axis=axis)
 
 
-def _iqm(values: Array) -> Array:
-    """(R, n) -> (R,)."""
-    cut = values.shape[1] // 4
-    return np.sort(values, axis=1)[:, cut : values.shape[1] - cut].mean(axis=1)
+def _share_of_wins(*strata: Array, axis: int) -> Array:
+    """Of the pairs of ours, the first half of the strata, and theirs, the second; ties count half. axis is the last."""
+    scenarios = len(strata) // 2
+    wins = [
+        0.5 * (np.sign(x[..., :, None] - y[..., None, :]) + 1.0).mean(axis=(axis, axis - 1))
+        for x, y in zip(strata[:scenarios], strata[scenarios:], strict=True)
+    ]
+    return np.mean(wins, axis=0)
 
 
 def _column(samples: ArrayLike) -> Array:

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from adrl.errors import ConfigError, DatasetError
 from adrl.rewards import FEATURES, reward_terms
+from adrl.types import ACTION_SIZE
 
 if TYPE_CHECKING:
     from adrl.envs import NavVectorEnv
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
-
-ACTION_SIZE = 2
 
 
 @dataclass(frozen=True, kw_only=True)

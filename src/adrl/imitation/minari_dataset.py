@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from adrl.errors import DatasetError
 from adrl.files import sync
-from adrl.imitation.demonstrations import ACTION_SIZE, Demonstrations
+from adrl.imitation.demonstrations import Demonstrations
 from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.registration import ENV_ID
 from adrl.rewards import FEATURES, REWARD_TERMS, RewardConfig, reward
-from adrl.types import RobotConfig
+from adrl.types import ACTION_SIZE, RobotConfig
 from adrl.worlds.given import training_fingerprints
 
 if TYPE_CHECKING:

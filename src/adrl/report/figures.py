@@ -189,14 +189,10 @@ def draw_world(axes: Axes, world: World) -> None:
     runs = world.discs[:, :4].reshape(-1, 2, 2)
     to_and_fro = LineCollection(list(runs), colors=MOVING, linewidths=1.2, linestyles="--", zorder=2.5)
     axes.add_collection(to_and_fro)
-    discs = [Circle(centre, disc[4]) for centre, disc in zip(disc_starts(world), world.discs, strict=True)]
+    discs = [
+        Circle(centre, disc[4]) for centre, disc in zip(world.disc_centres(0.0), world.discs, strict=True)
+    ]
     axes.add_collection(PatchCollection(discs, facecolor=MOVING, edgecolor=INK, linewidth=0.6, zorder=3))
-
-
-def disc_starts(world: World) -> Array:
-    """(M, 2) centres of the moving discs at time 0: phase 0 is the first end, 0.5 the second."""
-    first, second, phase = world.discs[:, :2], world.discs[:, 2:4], world.discs[:, 6:7]
-    return first + (1.0 - np.abs(1.0 - 2.0 * phase)) * (second - first)
 
 
 def _draw_grid(axes: Axes, grid: OccupancyGrid) -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from adrl.errors import TaskError
 from adrl.planning.grid import PlanningGrid
-from adrl.types import Array, RobotConfig, Task, World
+from adrl.types import Array, RobotConfig, Task, World, disc_centres
 from adrl.worlds.complex import Complex
 
 
@@ -51,7 +51,8 @@ class Dynamic:
             a = rng.uniform((x_min, y_min), (x_max, y_max), (32, 2))
             heading, length = rng.uniform(-math.pi, math.pi, 32), rng.uniform(*self.run_m, 32)
             b = a + length[:, None] * np.column_stack([np.cos(heading), np.sin(heading)])
-            now = position(a, b, phase)
+            still = np.broadcast_to((radius, speed, phase, math.inf), (32, 4))
+            now = disc_centres(np.column_stack([a, b, still]), 0.0)
             likely = np.hypot(now[:, 0] - start[0], now[:, 1] - start[1]) >= self.start_distance_m + radius
             likely &= _has_room(grid, a, radius) & _has_room(grid, b, radius)
             for i in np.flatnonzero(likely):
@@ -60,11 +61,6 @@ class Dynamic:
         raise TaskError(
             f"scenario {self.name!r}: no free line for a disc of {radius:.2f} m; ask for fewer discs"
         )
-
-
-def position(a: Array, b: Array, phase: float) -> Array:
-    """(N, 2) places on the lines a-b when this part of the round trip a-b-a is done."""
-    return a + (1.0 - abs(1.0 - 2.0 * phase)) * (b - a)
 
 
 def _along(grid: PlanningGrid, a: Array, b: Array) -> Array:
