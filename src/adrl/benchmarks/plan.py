@@ -17,8 +17,8 @@ from adrl.observation import in_robot_frame
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array, OccupancyGrid, RobotConfig, Task
-from adrl.worlds import get_scenario, load_map, task_set
-from adrl.worlds.map_scenario import MapScenario
+from adrl.worlds import MapScenario, get_scenario, task_set
+from adrl.worlds.ros_map import Unknown
 
 QUERIES = 50
 SIDE = 400
@@ -56,13 +56,13 @@ def bench_dwa(
     }
 
 
-def bench_map(path: Path, *, rounds: int = 3) -> dict[str, Any]:
+def bench_map(path: Path, unknown: Unknown = "solid", *, rounds: int = 3) -> dict[str, Any]:
     """Distance field, inflation and A* between random places of a map, a query at a time, on one thread."""
-    world = load_map(path)
-    grid = world.grid
+    scenario = MapScenario(path, unknown)
+    grid = scenario.world.grid
     assert grid is not None
     robot = RobotConfig()
-    tasks = task_set(MapScenario(path), robot, "validation", QUERIES)
+    tasks = task_set(scenario, robot, "validation", QUERIES)
     durations = [median_seconds(functools.partial(_plan, grid, robot, task), rounds) for task in tasks]
     return {
         "schema_version": 1,

@@ -12,6 +12,7 @@ from adrl.benchmarks.sim import bench_sim
 from adrl.commands.options import Runner, parse, subcommand
 from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
 from adrl.outputs import require_file
+from adrl.worlds.ros_map import Unknown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,6 +43,8 @@ class PlanOptions:
 
     map: Path | None = None
     """ROS map to plan across, besides the A*+DWA decisions on complex."""
+    unknown: Unknown = "solid"
+    """What cells of the map are that nothing has looked at: solid or free."""
     envs: int = 512
     """Robots that decide at once."""
     threads: int = 0
@@ -153,7 +156,7 @@ def _plan(arguments: Sequence[str]) -> int:
     results["replan"] = bench_replan()
     results["policy_step"] = bench_act(load_policy(resolve_policy(DEFAULT)))
     if options.map is not None:
-        results["map"] = bench_map(options.map)
+        results["map"] = bench_map(options.map, options.unknown)
     return _report(results, options.json)
 
 

@@ -63,11 +63,13 @@ def main(arguments: Sequence[str]) -> int:
     )
     require_folder("--out", options.out)
     require_file("--json", options.json)
+    # Before the bar: what cannot be read is told in one line.
+    place, robot = options.load(), None if options.robot is None else load_robot(options.robot)
     with counting_bar(f"evaluating {options.policy}", "episodes") as show:
         result = api.evaluate(
             options.policy,
-            scenario=options.load(),
-            robot=options.robot,
+            scenario=place,
+            robot=robot,
             guidance=options.guidance,
             paper_literal=options.paper_literal,
             split=options.split,

@@ -4,11 +4,11 @@ import os
 from pathlib import Path
 
 from adrl.worlds.fixed import FixedWorld
-from adrl.worlds.ros_map import load_map
+from adrl.worlds.ros_map import Unknown, load_map
 
 
 class MapScenario(FixedWorld):
-    """Start and goal on cells the map shows free. Raises MapError when the map cannot be read."""
+    """Start and goal on cells the map shows free. Raises as load_map does."""
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        super().__init__(f"map:{Path(path).stem}", load_map(path))
+    def __init__(self, path: str | os.PathLike[str], unknown: Unknown = "solid") -> None:
+        super().__init__(f"map:{Path(path).stem}", load_map(path, unknown))

@@ -9,6 +9,7 @@ from typing import Any
 from adrl.errors import ConfigError
 from adrl.types import Scenario
 from adrl.worlds import BarnScenario, MapScenario, SdfScenario, get_scenario
+from adrl.worlds.ros_map import Unknown
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,6 +20,8 @@ class Place:
     """A family of worlds; adrl list names them. clutter when neither a map nor a world is given."""
     map: Path | None = None
     """YAML file of a ROS map_server map, instead of a scenario."""
+    unknown: Unknown = "solid"
+    """What cells of the map are that nothing has looked at: solid or free."""
     world: Path | None = None
     """Gazebo SDF world of boxes, cylinders and planes, instead of a scenario."""
     barn: Path | None = None
@@ -30,6 +33,8 @@ class Place:
     def __post_init__(self) -> None:
         if sum(place is not None for place in (self.scenario, self.map, self.world, self.barn)) > 1:
             raise ConfigError("give one of scenario, map, world and barn")
+        if self.unknown != "solid" and self.map is None:
+            raise ConfigError(f"unknown is {self.unknown!r} without map; give --map too")
         if self.barn_held_out and self.barn is None:
             raise ConfigError(f"barn_held_out is {self.barn_held_out} without barn; give --barn too")
 
@@ -49,7 +54,7 @@ class Place:
     @cached_property
     def _loaded(self) -> Scenario:
         if self.map is not None:
-            return MapScenario(self.map)
+            return MapScenario(self.map, self.unknown)
         if self.world is not None:
             return SdfScenario(self.world)
         if self.barn is not None:

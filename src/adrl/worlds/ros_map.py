@@ -1,19 +1,37 @@
 """Maps of ROS map_server: a YAML file and an image (PGM, PNG, BMP, TIFF or JPEG)."""
 
+import io
+import logging
 import math
 import os
+import struct
+import warnings
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.errors import MapError, MissingExtra
+from adrl.errors import ConfigError, FileError, MapError, MissingExtra
+from adrl.files import read_bytes
 from adrl.types import Array, OccupancyGrid, World
 
+LOG = logging.getLogger("adrl.worlds")
+Unknown = Literal["solid", "free"]
+"""What a cell is that nothing has looked at."""
 MODES = ("trinary", "scale", "raw")
+RESOLUTION_M = (1e-4, 100.0)
+MOST_M = 1e7
+"""The greatest northing of a UTM zone: coordinates of maps go no further."""
+NO, YES = ("0", "false", "no", "off", "n"), ("1", "true", "yes", "on", "y")
 UNKNOWN = -1
+UNKNOWN_GREY = 205
+"""What map_saver writes for unknown in mode trinary, of 255."""
+IMAGE_FORMATS = ("PPM", "PNG", "BMP", "TIFF", "JPEG")
+"""PGM is one of PPM's."""
+MAX_IMAGE_BYTES = 2**28
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,13 +49,24 @@ class MapHeader:
     mode: str = "trinary"
 
 
-def load_map(path: str | os.PathLike[str]) -> World:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class MapImage:
+    """What the image file holds."""
+
+    shade: NDArray[np.unsignedinteger]
+    """(H, W) brightness of the pixels from 0 to white, top row first."""
+    white: int
+    opaque: NDArray[np.bool_]
+    """(H, W) whether nothing shines through the pixel."""
+
+
+def load_map(path: str | os.PathLike[str], unknown: Unknown = "solid") -> World:
     """The world of a map: its solid cells and nothing else; bounds are those of the image.
 
-    Occupied and unknown cells are solid. Raises MapError, which names the file and says what to do; MissingExtra
-    without pyyaml or pillow.
+    Occupied cells are solid, and unknown ones unless they are to be free. Raises MapError, which names the file and
+    says what to do; ConfigError for another `unknown`; MissingExtra without pyyaml or pillow.
     """
-    grid = load_grid(path)
+    grid = load_grid(path, unknown)
     height, width = grid.solid.shape
     x, y, yaw = grid.origin
     corners = np.array([(0, 0), (width, 0), (width, height), (0, height)]) * grid.resolution_m
@@ -47,69 +76,108 @@ def load_map(path: str | os.PathLike[str]) -> World:
     return World(bounds=(float(x_min), float(y_min), float(x_max), float(y_max)), grid=grid)
 
 
-def load_grid(path: str | os.PathLike[str]) -> OccupancyGrid:
-    """The occupancy grid of a map. Raises MapError.
+def load_grid(path: str | os.PathLike[str], unknown: Unknown = "solid") -> OccupancyGrid:
+    """The occupancy grid of a map. Raises as load_map does.
 
+    A trinary map may have the grey that map_saver writes for unknown, 205, with a free_thresh that reads it as free:
+    Nav2 saves 0.25. Such cells are unknown here, and one line of the log says so.
     observed_free holds the free cells with p <= free_thresh / 2. The Willow Garage map writes unknown as grey
     206, p = 0.192, which its free_thresh of 0.196 rounds to free: without this rule tasks would start outside
-    the building. A map without a cell that light takes every free cell.
+    the building. A map without a cell that light, or with free unknown cells, takes every free cell.
     """
-    header = read_header(Path(path))
-    probability, opaque = _read_image(header)
-    value = occupancy(probability, opaque, header)
-    # Row 0 of the image is the top, row 0 of the grid the bottom.
-    value, probability = np.flipud(value), np.flipud(probability)
-    free = (value >= 0) & (value < 50)
-    if not free.any():
-        raise MapError(
-            f"map {path} has no free cell: compare {header.image.name} with negate, occupied_thresh and "
-            "free_thresh"
+    if unknown not in get_args(Unknown):
+        raise ConfigError(f"unknown is {unknown!r}; give one of {', '.join(get_args(Unknown))}")
+    header = read_header(Path(path).expanduser())
+    image = read_image(header.image)
+    levels = np.arange(image.white + 1)
+    value = occupancy(levels, image.white, header)
+    surely = (value == 0) & (2.0 * probability(levels, image.white, header) <= header.free_thresh)
+    is_unknown_grey = levels * 255 == UNKNOWN_GREY * image.white
+    taken = int(np.count_nonzero(is_unknown_grey[image.shade])) if header.mode == "trinary" else 0
+    if unknown == "solid" and taken and (value[is_unknown_grey] == 0).any():
+        value[is_unknown_grey] = UNKNOWN
+        LOG.warning(
+            f"map {path}: {taken / image.shade.size:.0%} of its cells are grey {UNKNOWN_GREY}, which map_saver writes "
+            f"for unknown and free_thresh {header.free_thresh:g} would read as free; they are taken as unknown "
+            "(--unknown free takes all unknown cells as free)"
         )
-    # Only cells map_server calls 0; where a scale map has none, the half that is more likely free than not.
-    surely = (value == 0) & (probability <= 0.5 * header.free_thresh)
+    free = (value >= 0) & (value < 50)
+    if unknown == "free":
+        free |= value == UNKNOWN
+    clear = image.opaque | (header.mode == "raw") | (unknown == "free")
+    solid = ~(free[image.shade] & clear)
+    if solid.all():
+        raise MapError(f"map {path} has no free cell: {_why_nothing_is_free(header, image)}")
+    # Where a scale map has no cell that map_server calls 0: the half that is more likely free than not.
+    seen = surely[image.shade] & ~solid if unknown == "solid" else ~solid
+    # Row 0 of the image is the top, row 0 of the grid the bottom.
     return OccupancyGrid(
-        solid=np.ascontiguousarray(~free, dtype=np.uint8),
+        solid=np.ascontiguousarray(np.flipud(solid), dtype=np.uint8),
         resolution_m=header.resolution_m,
         origin=header.origin,
-        observed_free=np.ascontiguousarray(surely if surely.any() else free),
+        observed_free=np.ascontiguousarray(np.flipud(seen if seen.any() else ~solid)),
     )
 
 
-def occupancy(probability: Array, opaque: NDArray[np.bool_], header: MapHeader) -> NDArray[np.int8]:
-    """(H, W) probabilities that a cell is occupied -> (H, W) values as map_server publishes them.
+def probability(shade: NDArray[np.integer], white: int, header: MapHeader) -> Array:
+    """Brightness from 0 to white -> probability that the cell is occupied: darkness; brightness with negate or raw."""
+    bright = shade if header.negate or header.mode == "raw" else white - shade
+    return bright / white
 
-    trinary: 100 where p > occupied_thresh, 0 where p < free_thresh, else -1 (unknown).
-    scale: the same, but 1 to 99 in proportion between the thresholds; a pixel that is not opaque is unknown
-    (Nav2). raw: the pixel's own value where it is at most 100, else unknown.
+
+def occupancy(shade: NDArray[np.integer], white: int, header: MapHeader) -> NDArray[np.int8]:
+    """Brightness of opaque pixels, from 0 to white -> values as map_server publishes them.
+
+    trinary: 100 where p > occupied_thresh, 0 where p < free_thresh, else -1 (unknown); Nav2 since 2025 counts a p at
+    a threshold, too. scale: the same, but 1 to 99 in proportion between the thresholds. raw: the pixel's own value
+    where it is at most 100, else unknown, whatever negate says (Nav2).
     """
     if header.mode == "raw":
-        grey = np.rint(probability * 255.0)
+        grey = np.rint(shade * (255.0 / white))
         return np.where(grey <= 100, grey, UNKNOWN).astype(np.int8)
-    value = np.full(probability.shape, UNKNOWN, dtype=np.int8)
-    if header.mode == "scale":
-        ratio = (probability - header.free_thresh) / (header.occupied_thresh - header.free_thresh)
+    p = probability(shade, white, header)
+    value = np.full(p.shape, UNKNOWN, dtype=np.int8)
+    if header.mode == "scale" and header.occupied_thresh > header.free_thresh:
+        ratio = (p - header.free_thresh) / (header.occupied_thresh - header.free_thresh)
         value[:] = np.clip(1.0 + 98.0 * ratio, 1.0, 99.0).astype(np.int8)
-    value[probability > header.occupied_thresh] = 100
-    value[probability < header.free_thresh] = 0
-    if header.mode == "scale":
-        value[~opaque] = UNKNOWN
+    value[p > header.occupied_thresh] = 100
+    value[p < header.free_thresh] = 0
     return value
+
+
+def _why_nothing_is_free(header: MapHeader, image: MapImage) -> str:
+    """What to do about it."""
+    if not image.opaque.any() and header.mode != "raw":
+        return (
+            f"all pixels of {header.image.name} are transparent, which means unknown; save it without alpha"
+        )
+    if header.mode == "raw":
+        return f"mode raw takes grey 0 to 49 for free and {header.image.name} has none; give mode: trinary"
+    p = float(probability(image.shade[image.opaque], image.white, header).min())
+    if p < header.free_thresh:
+        return f"all that could be free is grey {UNKNOWN_GREY}, which means unknown; --unknown free takes that as free"
+    if p > header.occupied_thresh:
+        return (
+            f"all of {header.image.name} reads as occupied; is negate right, which is {int(header.negate)}?"
+        )
+    return (
+        f"the most free pixel of {header.image.name} is occupied with probability {p:.3f}, and free_thresh is "
+        f"{header.free_thresh:g}; raise that if this pixel is free"
+    )
 
 
 def read_header(path: Path) -> MapHeader:
     """The checked content of a map's YAML file. Raises MapError."""
     try:
-        import yaml
+        from adrl.yaml_files import read_yaml
     except ModuleNotFoundError as error:
         raise MissingExtra.of(error) from None
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise MapError(f"map {path} does not exist; give the YAML file that map_saver writes") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise MapError(f"map {path} cannot be read: {error}; give the YAML file, not the image") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise MapError(f"map {path} is not valid YAML: {error}") from None
+        content = read_yaml(path)
+    except FileError as error:
+        raise MapError(
+            f"map {path} {error}; give the YAML file that map_saver writes, not the image"
+        ) from None
     if not isinstance(content, dict):
         raise MapError(f"map {path} is not a YAML mapping; it needs lines such as 'resolution: 0.05'")
     required = ("image", "resolution", "origin", "occupied_thresh", "free_thresh")
@@ -117,19 +185,20 @@ def read_header(path: Path) -> MapHeader:
     if missing:
         raise MapError(f"map {path} lacks {', '.join(missing)}; map_server needs {', '.join(required)}")
     if not isinstance(content["image"], str) or not content["image"]:
-        raise MapError(f"map {path}: image is {content['image']!r}; give the image's file name")
-    mode = str(content.get("mode", "trinary")).lower()
+        raise MapError(f"map {path}: image is {content['image']!r}; give the image's file name, in quotes")
+    mode = str(content.get("mode") or "trinary").lower()
     if mode not in MODES:
         raise MapError(f"map {path}: mode is {mode!r}; give one of {', '.join(MODES)}")
-    occupied = _number(path, "occupied_thresh", content["occupied_thresh"])
-    free = _number(path, "free_thresh", content["free_thresh"])
-    if not 0.0 <= free < occupied <= 1.0:
+    free, occupied = (
+        _number(path, key, content[key], 0.0, 1.0) for key in ("free_thresh", "occupied_thresh")
+    )
+    if free > occupied:
         raise MapError(
-            f"map {path}: free_thresh is {free}, occupied_thresh {occupied}; need 0 <= free < occupied <= 1"
+            f"map {path}: free_thresh is {free:g}, beyond occupied_thresh {occupied:g}; need 0 <= free <= occupied <= 1"
         )
     return MapHeader(
         image=path.parent / content["image"],
-        resolution_m=_resolution(path, content["resolution"]),
+        resolution_m=_number(path, "resolution", content["resolution"], *RESOLUTION_M),
         origin=_origin(path, content["origin"]),
         occupied_thresh=occupied,
         free_thresh=free,
@@ -138,22 +207,15 @@ def read_header(path: Path) -> MapHeader:
     )
 
 
-def _number(path: Path, key: str, value: Any) -> float:
+def _number(path: Path, key: str, value: Any, low: float = -MOST_M, high: float = MOST_M) -> float:
     try:
         # Text too: YAML 1.1 reads 5e-2 as text, and map_server takes it for a number.
         number = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
-    if not math.isfinite(number):
-        raise MapError(f"map {path}: {key} is {value!r}; give a finite number")
+    if not low <= number <= high:
+        raise MapError(f"map {path}: {key} is {str(value)[:40]!r}; give a number from {low:g} to {high:g}")
     return number
-
-
-def _resolution(path: Path, value: Any) -> float:
-    resolution = _number(path, "resolution", value)
-    if resolution <= 0.0:
-        raise MapError(f"map {path}: resolution is {resolution}; give metres a pixel, e.g. 0.05")
-    return resolution
 
 
 def _origin(path: Path, value: Any) -> tuple[float, float, float]:
@@ -164,16 +226,17 @@ def _origin(path: Path, value: Any) -> tuple[float, float, float]:
 
 
 def _negate(path: Path, value: Any) -> bool:
-    if value not in (0, 1):  # True and False too
+    # yaml-cpp, which map_server uses, sees no difference between 0 and "0", and knows these words.
+    word = str(value).lower()
+    if word not in NO + YES:
         raise MapError(f"map {path}: negate is {value!r}; give 0 or 1")
-    return bool(value)
+    return word in YES
 
 
-def _read_image(header: MapHeader) -> tuple[Array, NDArray[np.bool_]]:
-    """(H, W) probability of being occupied, top row first, and (H, W) whether the pixel is opaque.
+def read_image(path: Path) -> MapImage:
+    """The pixels of a map's image; the brightness of a coloured one is the mean of its channels. Raises MapError.
 
-    p = (255 - v) / 255, or v / 255 with negate; v is the mean of the channels. As in map_server, alpha counts
-    as one of them in trinary mode and in no other. raw keeps v / 255 whatever negate says (Nav2).
+    Alpha is no colour: what is not opaque is unknown, as in Nav2 since 2025.
     """
     try:
         from PIL import Image
@@ -181,30 +244,37 @@ def _read_image(header: MapHeader) -> tuple[Array, NDArray[np.bool_]]:
         raise MissingExtra.of(error) from None
 
     try:
-        with Image.open(header.image, formats=("PPM", "PNG", "BMP", "TIFF", "JPEG")) as image:
-            channels, has_alpha = _channels(image)
-    except FileNotFoundError:
-        raise MapError(f"map image {header.image} does not exist; correct image: in the YAML") from None
-    except (OSError, ValueError, SyntaxError, EOFError, Image.DecompressionBombError) as error:
-        raise MapError(f"map image {header.image} cannot be read: {error}; save it again as PNG") from None
-    opaque = channels[..., -1] >= 255.0 if has_alpha else np.ones(channels.shape[:2], dtype=np.bool_)
-    if has_alpha and header.mode != "trinary":
-        channels = channels[..., :-1]
-    shade = channels.mean(axis=-1)
-    if header.mode == "raw" or header.negate:
-        return shade / 255.0, opaque
-    return (255.0 - shade) / 255.0, opaque
+        content = read_bytes(path, MAX_IMAGE_BYTES)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            with Image.open(io.BytesIO(content), formats=IMAGE_FORMATS) as image:
+                return _pixels(image)
+    except FileError as error:
+        raise MapError(f"map image {path} {error}; correct image: in the YAML file") from None
+    except (Image.DecompressionBombWarning, Image.DecompressionBombError):
+        raise MapError(f"map image {path} has more than {Image.MAX_IMAGE_PIXELS:,} pixels; cut it") from None
+    except Image.UnidentifiedImageError:
+        raise MapError(
+            f"map image {path} cannot be read: it is none of {', '.join(IMAGE_FORMATS)}; save it as PNG"
+        ) from None
+    except (OSError, ValueError, SyntaxError, EOFError, OverflowError, struct.error, zlib.error) as error:
+        reason = " ".join(str(error).split())
+        raise MapError(f"map image {path} cannot be read: {reason}; save it again as PNG") from None
 
 
-def _channels(image: Any) -> tuple[Array, bool]:
-    """(H, W, C) values from 0 to 255 and whether the last channel is alpha."""
-    if image.mode == "P":
-        image = image.convert("RGBA" if "transparency" in image.info else "RGB")
+def _pixels(image: Any) -> MapImage:
+    if "transparency" in image.info or image.mode == "PA":
+        image = image.convert("RGBA")
     elif image.mode == "1":
         image = image.convert("L")
-    elif image.mode not in ("L", "LA", "RGB", "RGBA") and not image.mode.startswith("I"):
+    elif not image.mode.startswith(("L", "RGB", "I")):
         image = image.convert("RGB")
-    values = np.asarray(image, dtype=np.float64)
-    if image.mode.startswith("I"):  # 16 bits a pixel
-        values = values / 257.0
-    return values.reshape(*values.shape[:2], -1), image.mode in ("LA", "RGBA")
+    values = np.asarray(image)
+    white = 65535 if image.mode.startswith("I") else 255
+    if values.size and not 0 <= values.min() <= values.max() <= white:
+        raise FileError(f"has values up to {values.max()}, and an image has 8 or 16 bits a pixel")
+    values = values.reshape(*values.shape[:2], -1)
+    opaque = np.broadcast_to(np.True_, values.shape[:2])
+    if image.mode in ("LA", "RGBA"):
+        values, opaque = values[..., :-1], values[..., -1] == white
+    return MapImage(shade=values.sum(axis=-1, dtype=np.uint16), white=white * values.shape[-1], opaque=opaque)

@@ -12,6 +12,7 @@ from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
 from adrl.errors import ConfigError
 from adrl.worlds import load_map
 from adrl.worlds.place import Place
+from adrl.worlds.ros_map import Unknown
 
 Config = TypeVar("Config", "DriveConfig", "SimConfig")
 Parameter = str | bool | int | float | list[float]
@@ -31,6 +32,8 @@ class DriveConfig:
     map: a waypoint on the A* path of the known map. map with a map, else as trained, which must not be map."""
     map: Path | None = None
     """YAML file of the ROS map of guidance map."""
+    unknown: Unknown = "solid"
+    """What cells of the map are that nothing has looked at: solid or free."""
     localisation: Literal["pose", "odometry"] = "pose"
     """Where the place on the map comes from: poses on topic amcl_pose, or the odometry, if its
     frame is the map's."""
@@ -64,7 +67,7 @@ class DriveConfig:
         navigator = Navigator(
             policy,
             guidance=guidance,
-            world=load_map(self.map) if self.map is not None else None,
+            world=load_map(self.map, self.unknown) if self.map is not None else None,
             mount=self.mount,
             zero_is_free=self.zero_is_free,
             goal_tolerance_m=self.goal_tolerance_m,
