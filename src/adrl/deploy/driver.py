@@ -31,8 +31,6 @@ SMOOTHING = 0.2
 """Weight of the newest time between two scans in their average."""
 STOPS = 10
 """Commands to stand still that are sent after a goal has ended; then other sources of commands have the base."""
-MOVED_M = 0.05
-"""A goal on the map that localisation moves by so much in the odometry's frame is given anew."""
 UNKNOWN: Pose = (math.nan, math.nan, math.nan)
 
 
@@ -147,11 +145,8 @@ class Driver:
             return
         if self._source == "odometry" or not self._localisation.take_pose(pose, stamp_s):
             return
-        if self._goal is None:
-            return
-        now, before = self._in_navigators_frame(), self.navigator.goal
-        if before is not None and math.dist(now, before) > MOVED_M:
-            self.navigator.set_goal(now)
+        if self._goal is not None:
+            self.navigator.move_goal(self._in_navigators_frame())
 
     def take_scan(self, scan: Scan, now_s: float) -> Report | None:
         """A scan; the step that it begins, if one is due or nearly so."""

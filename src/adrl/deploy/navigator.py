@@ -33,8 +33,12 @@ GOAL_TOLERANCE_M = 0.3
 """Distance to the goal at which it is reached, as in training."""
 RELOCALISED_M = 0.5
 """A pose on the map that jumps by so much more than the robot can drive is a new start for the path."""
+OFF_RAD = 0.1
+"""A path on the map ends near enough to a goal that has moved by less, seen from the robot: noise of localisation."""
 NEW_FRAME = frozenset[Reason](("odometry_jumped", "clock_jumped"))
 """After these, what was known of places and times is so no more."""
+STILL_SEEING = frozenset[Reason](("odometry_frozen", "not_localised"))
+"""Held by these, what the LiDAR shows is still where odometry says."""
 F32 = NDArray[np.float32]
 ONE = np.array([0])
 """The only robot, where kernels take many."""
@@ -113,10 +117,23 @@ class Navigator:
         if path is not None and self._map is None:
             raise ConfigError(f"guidance {self.guidance} follows no path; leave it out, or give guidance map")
         before, self.goal = self.goal, (float(goal[0]), float(goal[1]))
-        if self._recovery is not None and (before is None or math.dist(before, self.goal) > WAY_M):
-            self._recovery.forget()  # a goal that localisation has moved a little is no new one
+        if (
+            before is not None
+            and path is None
+            and self._path is None
+            and math.dist(before, self.goal) < WAY_M
+        ):
+            return  # the same, better known: as one that follows a person, or is given again and again
+        if self._recovery is not None:
+            self._recovery.forget()
         self._path = path
         self._new_goal = True
+
+    def move_goal(self, goal: tuple[float, float]) -> None:
+        """The goal is the same, and its place better known, as localisation tells. What was seen, the route and the
+        recovery's memory stay."""
+        if self.goal is not None:
+            self.goal = (float(goal[0]), float(goal[1]))
 
     def cancel(self) -> None:
         """Stop at the next step, and wait for a goal."""
@@ -142,6 +159,7 @@ class Navigator:
         if map_pose is not None and not np.isfinite(map_pose).all():
             faults = (*faults, "not_localised")
         if faults or self.goal is None:
+            self._map_while_held(faults)
             return self._stand("idle" if self.goal is None else "stopped", now_s, faults, has_base=has_base)
         if self.supervisor is not None:
             scan, odometry = self.supervisor.newest()
@@ -167,13 +185,14 @@ class Navigator:
         """One step of NavSim: guidance, encoder, policy; then the supervisor. Raises PlanningError."""
         ranges, reckoned = self._adapter(scan)[None], np.array([odometry.pose])
         waypoint, distance_m = self._guide(ranges, reckoned, place, goal, now_s)
+        self._under_way, self._new_goal = True, False
         self._remember(ranges, reckoned)
         towards = in_robot_frame(np.array([place]), np.array([waypoint]))
         measured = np.array([odometry.twist])
         seen = self._encoder.encode(ranges, towards, measured, self._action, self._history)
         self._action = self.policy.act(seen)
         twist, reasons = self._limit(towards[0], now_s)
-        self._under_way, self._new_goal, self._interrupted = True, False, False
+        self._interrupted = False
         self._last = (place, now_s)
         return Command(
             twist=twist,
@@ -249,24 +268,58 @@ class Navigator:
     ) -> tuple[tuple[float, float], float]:
         """The waypoint, and the metres to the goal. Raises PlanningError where a map shows no way."""
         if self._map is not None:
-            if self._new_goal and self._path is not None:
-                self._map.follow(self._path)
-            elif self._new_goal or self._relocalised(place, now_s):
-                self._map.set_goal(place, goal)
+            self._route(self._map, place, goal, now_s)
             return self._map.waypoint(place)
-        waypoint = goal
-        if self._replanner is not None:
-            if self._new_goal:
-                targets = np.array([goal])
-                if self._under_way:
-                    self._replanner.retarget(ONE, targets)
-                else:
-                    self._replanner.reset(ONE, targets, reckoned)
-            else:
-                self._replanner.update(ranges, reckoned)
-            x, y = self._replanner.waypoints[0]
-            waypoint = (float(x), float(y))
+        waypoint = (
+            goal if self._replanner is None else self._map_and_head(self._replanner, ranges, reckoned, goal)
+        )
         return waypoint, math.dist(goal, place[:2])
+
+    def _map_and_head(
+        self, replanner: Replanner, ranges: F32, reckoned: Array, goal: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Enter the scan into the robot's own map; the waypoint that it heads for by it."""
+        targets = np.array([goal])
+        if not self._new_goal:
+            replanner.move_goals(ONE, targets)
+        elif self._under_way:
+            replanner.retarget(ONE, targets)
+        else:
+            replanner.reset(ONE, targets, reckoned)
+        self._under_way, self._new_goal = True, False
+        x, y = replanner.update(ranges, reckoned)[0]
+        return float(x), float(y)
+
+    def _map_while_held(self, faults: tuple[Reason, ...]) -> None:
+        """A robot that stands on its way is not blind."""
+        if self._replanner is None or self.supervisor is None or self.goal is None:
+            return
+        if "odometry_jumped" in faults:  # the map was of another frame
+            self._under_way, self._new_goal = False, True
+        elif STILL_SEEING.issuperset(faults):
+            scan, odometry = self.supervisor.newest()
+            self._map_and_head(
+                self._replanner, self._adapter(scan)[None], np.array([odometry.pose]), self.goal
+            )
+
+    def _route(self, guide: MapGuide, place: Pose, goal: tuple[float, float], now_s: float) -> None:
+        """Have a path to the goal. Raises PlanningError."""
+        if self._new_goal and self._path is not None:
+            guide.follow(self._path)
+            return
+        if self._new_goal or self._relocalised(place, now_s):
+            guide.set_goal(place, goal)
+            return
+        end = tuple(guide.path[-1].tolist())
+        off_m, noise_m = math.dist(end, goal), OFF_RAD * math.dist(goal, place[:2])
+        if self._path is not None or off_m < max(0.5 * self.goal_tolerance_m, noise_m):
+            return
+        try:
+            guide.set_goal(place, goal)
+        except PlanningError:
+            if off_m > RELOCALISED_M + 2.0 * noise_m:
+                raise
+            self.goal = end  # noise has moved it into a wall
 
     def _relocalised(self, place: Pose, now_s: float) -> bool:
         """Whether localisation has found the robot elsewhere than it can have driven to."""

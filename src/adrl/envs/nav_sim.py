@@ -146,7 +146,9 @@ class NavSim:
         if self.replanner is not None:
             goals = np.array([task.goal for task in tasks]).reshape(-1, 2)
             self.replanner.reset(indices, goals, self.b["odometry"][indices])
-            self.b["waypoint"][:] = self.replanner.waypoints
+            self.b["waypoint"][:] = self.replanner.update(
+                self.b["ranges"], self.b["odometry"], mask.astype(bool)
+            )
         # A robot that has just started is not stagnant: its window begins full.
         self._displacements[indices] = self.robot.max_speed_mps * self.robot.control_period_s
         self._features[indices] = features(self._snapshot(), self.reward)[indices]

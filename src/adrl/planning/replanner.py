@@ -158,6 +158,10 @@ class Replanner:
             b[name][indices] = 0
         b["since_plan"][indices] = self._interval  # a plan may be made at once
 
+    def move_goals(self, indices: NDArray[np.intp], goals: Array) -> None:
+        """The same goals (M, 2) of robots `indices` (M,), better known: the route stays, the next plan leads there."""
+        self.b["goal"][indices] = goals
+
     def update(self, ranges: F32, odometry: Array, active: Mask | None = None) -> Array:
         """One control period: (N, K) ranges, (N, 3) odometry -> (N, 2) waypoints.
 
