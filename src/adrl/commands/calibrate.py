@@ -49,6 +49,8 @@ def main(arguments: Sequence[str]) -> int:
     else:
         topics = (options.command_topic, options.odometry_topic)
         drives = read_bag(options.drives, robot.control_period_s, *topics)
+    for note in drives.notes:
+        console().print(f"{options.drives}: {note}")
     fit = calibrate(drives, robot)
     print(files.to_json(fit.summary()))
     if options.out is not None:

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Literal
 
-from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, SCAN_TOPIC
+from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, POSE_TOPIC, SCAN_TOPIC
 from adrl.commands.options import console, parse
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError
@@ -44,13 +44,26 @@ class CollectOptions(Place):
     goal_topic: str | None = None
     """Topic of their goals, PoseStamped. Left out: /goal_pose or /move_base_simple/goal; in a bag without either, goals
     are where the robot came to stand."""
+    pose_topic: str = POSE_TOPIC
+    """Topic of where the robot is on the map, PoseWithCovarianceStamped: for goals on the map in a bag without /tf."""
     zero_is_free: bool = False
     """The bags' LiDAR reports 0 where nothing comes back, as the LDS-01 does."""
+    nan_is_free: bool = False
+    """The bags' LiDAR reports NaN where nothing comes back."""
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     """As adrl train takes it: demonstrations fit a policy of the same encoder."""
 
 
-OF_BAGS = ("bag", "scan_topic", "odometry_topic", "command_topic", "goal_topic", "zero_is_free")
+OF_BAGS = (
+    "bag",
+    "scan_topic",
+    "odometry_topic",
+    "command_topic",
+    "goal_topic",
+    "pose_topic",
+    "zero_is_free",
+    "nan_is_free",
+)
 OF_BOTH = ("out", "robot", "encoder")
 
 
@@ -107,9 +120,15 @@ def _from_bags(options: CollectOptions) -> int:
         odometry=options.odometry_topic,
         command=options.command_topic,
         goal=options.goal_topic,
+        pose=options.pose_topic,
     )
     demonstrations, summaries = read_demonstrations(
-        options.bag, robot, encoder=options.encoder, topics=topics, zero_is_free=options.zero_is_free
+        options.bag,
+        robot,
+        encoder=options.encoder,
+        topics=topics,
+        zero_is_free=options.zero_is_free,
+        nan_is_free=options.nan_is_free,
     )
     source = Source(
         robot=robot,
@@ -136,4 +155,4 @@ def _told(path: Path, summary: BagSummary) -> str:
         text += "; no topic of goals: they are where the robot came to stand"
     if summary.clipped > 0.0:
         text += f"; {100.0 * summary.clipped:.1f} % of the commands are beyond the robot's speeds and were clipped"
-    return text
+    return "\n".join([text, *(f"  {note}" for note in summary.notes)])

@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from adrl.bags import Bag, open_bag
-from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY, ODOMETRY_TOPIC, TWISTS
+from adrl.bags.odometry import contradiction, read_odometry, read_twists
+from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, TWISTS
 from adrl.errors import DatasetError
 from adrl.evaluation.drives import Drives
 from adrl.types import Array
@@ -30,27 +31,37 @@ def read_bag(
     naming file and topic.
     """
     with open_bag(path) as bag:
-        commands, odometry = (
-            _twists(bag, command_topic, TWISTS),
-            _twists(bag, odometry_topic, ODOMETRY + TWISTS),
+        commands = read_twists(bag, command_topic)
+        odometry, notes = _speeds(bag, odometry_topic)
+    return _resample(path, commands, odometry, period_s, notes)
+
+
+def _speeds(bag: Bag, topic: str) -> tuple[Array, tuple[str, ...]]:
+    """(M, 3) seconds, speed, yaw rate of odometry, or of a topic of twists, and what to say of them.
+
+    Raises DatasetError where the poses of odometry contradict its twists: constants that were fitted to neither are
+    worth nothing.
+    """
+    if bag.types(topic) & set(TWISTS):
+        return read_twists(bag, topic), ()
+    odometry = read_odometry(bag, topic)
+    table = np.column_stack([odometry.times_s, odometry.twist])
+    if not odometry.has_poses:
+        return table, (f"{topic}: pose.pose never changes: speeds are those of twist.twist, unchecked",)
+    try:
+        wrong = contradiction(odometry)
+    except ValueError as error:
+        wrong = str(error)
+    if wrong is not None:
+        raise DatasetError(
+            f"{bag.path}: {topic}: {wrong}; mend the base's odometry, or give a topic of measured speeds (Twist)"
         )
-    return _resample(path, commands, odometry, period_s)
+    return table, ()
 
 
-def _twists(bag: Bag, topic: str, kinds: tuple[str, ...]) -> Array:
-    """(M, 3) seconds, speed, yaw rate of a topic's messages, in order of time."""
-    rows = []
-    for seconds, twist in bag.messages(topic, kinds):
-        while hasattr(twist, "twist"):  # of stamped ones and odometry, which hold it one or two deep
-            twist = twist.twist
-        rows.append((seconds, twist.linear.x, twist.angular.z))
-    table = np.array(rows, dtype=np.float64)
-    if not np.isfinite(table).all():
-        raise DatasetError(f"{bag.path}: {topic} holds a number that is not finite")
-    return table[np.argsort(table[:, 0], kind="stable")]
-
-
-def _resample(path: Path, commands: Array, odometry: Array, period_s: float) -> Drives:
+def _resample(
+    path: Path, commands: Array, odometry: Array, period_s: float, notes: tuple[str, ...]
+) -> Drives:
     """Control periods in which there are odometry and commands."""
     turns = np.exp(2j * math.pi * commands[:, 0] / period_s).mean()
     phase = float(np.angle(turns)) / (2.0 * math.pi) * period_s  # when in a period commands come
@@ -77,7 +88,7 @@ def _resample(path: Path, commands: Array, odometry: Array, period_s: float) -> 
             f"{SILENCE_PERIODS:g}; drive it with something that repeats its commands"
         )
     drive, time_s, told, done = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-    return Drives(drive.astype(np.int64), time_s, told, done)
+    return Drives(drive.astype(np.int64), time_s, told, done, notes)
 
 
 def _stretches(table: Array, period_s: float) -> list[Array]:

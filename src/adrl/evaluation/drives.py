@@ -28,6 +28,8 @@ class Drives:
     """(R, 2) speed and yaw rate that were asked for in the period."""
     twist: Array
     """(R, 2) speed and yaw rate at its end."""
+    notes: tuple[str, ...] = ()
+    """What there is to say of where they come from, for people."""
 
     def __len__(self) -> int:
         return len(self.drive)

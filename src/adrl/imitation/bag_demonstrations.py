@@ -42,6 +42,8 @@ class BagSummary:
     """Else goals are where the robot came to stand."""
     clipped: float
     """Fraction of the commands that are beyond the robot's speeds."""
+    notes: tuple[str, ...]
+    """What was decided about data that contradict each other or the robot."""
 
 
 def read_demonstrations(
@@ -51,6 +53,7 @@ def read_demonstrations(
     encoder: EncoderConfig | None = None,
     topics: BagTopics | None = None,
     zero_is_free: bool = False,
+    nan_is_free: bool = False,
     goal_tolerance_m: float = GOAL_TOLERANCE_M,
 ) -> tuple[Demonstrations, list[BagSummary]]:
     """Demonstrations for guidance `goal` from bags of ROS 1 or ROS 2, and a summary of each.
@@ -59,14 +62,20 @@ def read_demonstrations(
     An episode is what was driven without a pause to one goal, and ends on arrival, terminated; else it is truncated.
     Rewards and features are those of the simulator, with what the robot knows: its odometry for its motion, and the
     distance from its footprint to its scan for the clearance. A collision cannot be told from a near miss: the failure
-    term is 0. zero_is_free: see LidarAdapter. Raises MissingExtra, ConfigError for no paths, DatasetError.
+    term is 0. zero_is_free, nan_is_free: see read_recording. Raises MissingExtra, ConfigError for no
+    paths, DatasetError.
     """
     if not paths:
         raise ConfigError("no bags; give one or more")
     parts, summaries = [], []
     for path in paths:
-        recording = read_recording(path, robot, topics or BagTopics(), zero_is_free=zero_is_free)
-        drives = _drives(path, recording, robot, goal_tolerance_m)
+        recording = read_recording(
+            path, robot, topics or BagTopics(), zero_is_free=zero_is_free, nan_is_free=nan_is_free
+        )
+        try:
+            drives = _drives(recording, robot, goal_tolerance_m)
+        except DatasetError as error:
+            raise DatasetError("; ".join([f"{path}: {error}", *recording.notes])) from None
         parts += [_demonstrations(recording, drive, robot, encoder) for drive in drives]
         summaries.append(_summary(recording, drives, robot))
     joined = {f.name: np.concatenate([getattr(p, f.name) for p in parts]) for f in fields(Demonstrations)}
@@ -80,11 +89,11 @@ class _Drive:
     first: int
     last: int
     goal: Array
-    """(2,)."""
+    """(T + 1, 2) where it lies at each state."""
     reached: bool
 
 
-def _drives(path: Path, recording: Recording, robot: RobotConfig, tolerance_m: float) -> list[_Drive]:
+def _drives(recording: Recording, robot: RobotConfig, tolerance_m: float) -> list[_Drive]:
     """The episodes of a recording. Raises DatasetError for none, saying why."""
     standing = _still(recording.twist)
     idle = standing & _still(recording.command)
@@ -94,7 +103,7 @@ def _drives(path: Path, recording: Recording, robot: RobotConfig, tolerance_m: f
     )
     if not (wanted & ~idle_steps).any():
         raise DatasetError(
-            f"{path}: no movement: the robot stands for all of its {len(idle) * robot.control_period_s:.1f} s; "
+            f"no movement: the robot stands for all of its {len(idle) * robot.control_period_s:.1f} s; "
             "give a bag in which it drives"
         )
     if recording.goals is not None:
@@ -107,15 +116,16 @@ def _drives(path: Path, recording: Recording, robot: RobotConfig, tolerance_m: f
         # Nothing is learnt from waiting for somebody to begin.
         first, last = first + int(driven[0]), first + int(driven[-1]) + 1
         if recording.goals is not None:
-            goal = recording.goals[recording.goal[first]]
+            goal = recording.goals.at(int(recording.goal[first]), recording.times_s[first : last + 1])
         elif standing[last]:
-            goal = recording.pose[last, :2]
+            goal = np.tile(recording.pose[last, :2], (last + 1 - first, 1))
         else:
             continue
         places = recording.pose[first : last + 1, :2] - goal
         near = np.flatnonzero(_nearest(places[:-1], places[1:]) < tolerance_m)
         if len(near) > 0:
             last = first + int(near[0]) + 1
+            goal = goal[: last + 1 - first]
         if np.hypot(*places[0]) >= tolerance_m:
             drives.append(_Drive(first=first, last=last, goal=goal, reached=len(near) > 0))
     if not drives:
@@ -124,7 +134,7 @@ def _drives(path: Path, recording: Recording, robot: RobotConfig, tolerance_m: f
             if recording.goals is None
             else f"none has a goal farther than {tolerance_m} m; send the goal before the robot drives off"
         )
-        raise DatasetError(f"{path}: no episode in the drives: {lacking}")
+        raise DatasetError(f"no episode in the drives: {lacking}")
     return drives
 
 
@@ -165,7 +175,7 @@ def _demonstrations(
     told = to_action(np.concatenate([[before], recording.command[first:last]]), robot)  # (T + 1, 2)
     states = slice(first, last + 1)
     pose, ranges, twist = recording.pose[states], recording.ranges[states], recording.twist[states]
-    goal = in_robot_frame(pose, np.broadcast_to(drive.goal, (len(pose), 2)))
+    goal = in_robot_frame(pose, drive.goal)
     code = ObservationEncoder(robot, encoder)
     seen = code.encode(ranges, goal, twist, told, _history(ranges, pose, code.config.history_steps))
     ended = np.arange(first, last) == last - 1
@@ -260,4 +270,5 @@ def _summary(recording: Recording, drives: list[_Drive], robot: RobotConfig) -> 
         used_s=len(used) * robot.control_period_s,
         goals_from_topic=recording.goals is not None,
         clipped=float(beyond.any(axis=1).mean()),
+        notes=recording.notes,
     )

@@ -1,0 +1,232 @@
+"""Scans of a recording: of one LiDAR, where the frames say it sits, and good enough to drive by."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from adrl.bags import Bag
+from adrl.bags.odometry import OdometryTable, one_frame
+from adrl.bags.reader import SCANS
+from adrl.bags.transforms import Chain, Transforms, frame_name
+from adrl.deploy.messages import Odometry, Scan
+from adrl.deploy.supervisor import SupervisorConfig
+from adrl.deploy.watch import SensorWatch
+from adrl.errors import DatasetError
+from adrl.geometry import Pose
+from adrl.types import Array, RobotConfig
+
+TILT_RAD = 0.05
+"""A LiDAR that is tilted by more sees the floor and no plane."""
+STILL_M, STILL_RAD = 0.02, 0.02
+"""A mount that moves by more on the robot is none, and one that is nearer to the robot file's not worth a word."""
+SAME = 1e-3
+"""m, rad: transforms are not told to the last digit."""
+NOTHING_BACK, SELDOM = 0.01, 10.0
+"""Zeros or NaN in more than this share of the beams are free where beams that say so themselves are so many times
+fewer: indoors some wall is always just at the greatest range."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LidarRecording:
+    """The scans to learn from, in order of time, and how to read them."""
+
+    scans: list[Scan]
+    times_s: Array
+    """(S,)."""
+    mount: Pose
+    """Of the LiDAR in the robot's frame."""
+    notes: tuple[str, ...]
+    """What was decided about them, for people."""
+
+
+def read_scans(
+    bag: Bag,
+    topic: str,
+    transforms: Transforms,
+    odometry: OdometryTable,
+    robot: RobotConfig,
+    *,
+    zero_is_free: bool,
+    nan_is_free: bool,
+) -> LidarRecording:
+    """Scans by which the robot's own supervisor would drive.
+
+    Raises DatasetError: see Bag.messages; scans of several LiDARs on one topic; a LiDAR that /tf says is tilted or
+    moves on the robot; none that the runtime would drive by.
+    """
+    scans, frames = [], set[str]()
+    for seconds, message in bag.messages(topic, SCANS):
+        frames.add(frame_name(message.header.frame_id))
+        scans.append(
+            Scan(
+                ranges=message.ranges,
+                angle_min_rad=message.angle_min,
+                angle_increment_rad=message.angle_increment,
+                range_min_m=message.range_min,
+                range_max_m=message.range_max,
+                stamp_s=seconds,
+            )
+        )
+    frame = one_frame(bag.path, topic, "header.frame_id", frames)
+    scans.sort(key=lambda scan: scan.stamp_s)
+    scans, free_note = _with_free_beams(topic, scans, zero_is_free=zero_is_free, nan_is_free=nan_is_free)
+    good, fault_note = _good(bag, topic, scans, odometry, robot)
+    mount, upside_down, mount_note = _mount(bag, topic, transforms, frame, odometry, robot)
+    if upside_down:  # it turns the other way round
+        good = [
+            replace(scan, angle_min_rad=-scan.angle_min_rad, angle_increment_rad=-scan.angle_increment_rad)
+            for scan in good
+        ]
+    return LidarRecording(
+        scans=good,
+        times_s=np.array([scan.stamp_s for scan in good]),
+        mount=mount,
+        notes=tuple(note for note in (free_note, fault_note, mount_note) if note),
+    )
+
+
+def _with_free_beams(
+    topic: str, scans: list[Scan], *, zero_is_free: bool, nan_is_free: bool
+) -> tuple[list[Scan], str]:
+    """Scans whose beams are infinite where nothing came back, however the LiDAR reports that."""
+    if zero_is_free or nan_is_free:
+        return [_freed(scan, zero=zero_is_free, nan=nan_is_free) for scan in scans], ""
+    # A scan that tells nothing at all is of a LiDAR that sees nothing, and not of a place where nothing is.
+    telling = [bool((scan.ranges > 0.0).any()) for scan in scans]
+    zero, nan, free = _shares([scan for scan, tells in zip(scans, telling, strict=True) if tells])
+    if max(zero, nan) <= max(NOTHING_BACK, SELDOM * free):
+        return scans, ""
+    what, option = ("0", "--zero-is-free") if zero >= nan else ("NaN", "--nan-is-free")
+    freed = [
+        _freed(scan, zero=zero >= nan, nan=nan > zero) if tells else scan
+        for scan, tells in zip(scans, telling, strict=True)
+    ]
+    return freed, (
+        f"{topic}: {100.0 * max(zero, nan):.0f} % of ranges are {what}, {100.0 * free:.1f} % inf or range_max: {what} "
+        f"is taken for nothing within reach, as {option} does"
+    )
+
+
+def _freed(scan: Scan, *, zero: bool, nan: bool) -> Scan:
+    """With infinite ranges where it has 0, or NaN."""
+    nothing = (zero & (scan.ranges == 0.0)) | (nan & np.isnan(scan.ranges))
+    return replace(scan, ranges=np.where(nothing, np.inf, scan.ranges))
+
+
+def _shares(scans: list[Scan]) -> tuple[float, float, float]:
+    """Of zeros, of NaN, and of ranges that say themselves that nothing is within reach."""
+    counts, beams = np.zeros(3), 0
+    for scan in scans:
+        ranges = scan.ranges
+        free = ranges >= scan.range_max_m * (1.0 - 1e-6)
+        counts += (np.sum(ranges == 0.0), np.sum(np.isnan(ranges)), np.sum(free))
+        beams += ranges.size
+    zero, nan, free = counts / max(beams, 1)
+    return float(zero), float(nan), float(free)
+
+
+def _good(
+    bag: Bag, topic: str, scans: list[Scan], odometry: OdometryTable, robot: RobotConfig
+) -> tuple[list[Scan], str]:
+    """Scans in which the robot's supervisor finds no fault. Raises DatasetError for none."""
+    trust = SupervisorConfig()
+    watch = SensorWatch(
+        robot,
+        max_age_s=trust.max_age_periods * robot.control_period_s,
+        least_told=trust.least_told,
+        largest_hole_rad=trust.largest_hole_rad,
+        zero_is_free=False,
+    )
+    poses = odometry.poses(np.array([scan.stamp_s for scan in scans]))
+    good, faults = [], dict[str, list[Scan]]()
+    for scan, (x, y, yaw) in zip(scans, poses, strict=True):
+        here = Odometry(pose=(x, y, yaw), twist=(0.0, 0.0), stamp_s=scan.stamp_s)
+        reasons = watch.take(scan, here, scan.stamp_s)
+        found = [reason for reason in reasons if reason in ("scan_invalid", "scan_sparse", "scan_frozen")]
+        for reason in found[:1]:
+            faults.setdefault(reason, []).append(scan)
+        if not found:
+            good.append(scan)
+    if not faults:
+        return good, ""
+    reason, bad = max(faults.items(), key=lambda item: len(item[1]))
+    told = (
+        f"{topic}: {len(scans) - len(good)} of {len(scans)} scans are not to be driven by, most of them {reason} as "
+        f"the runtime calls it, the first after {bad[0].stamp_s:.1f} s: {_described(bad[0])}"
+    )
+    if not good:
+        raise DatasetError(
+            f"{bag.path}: {told}; mend the LiDAR's driver, or give --zero-is-free or --nan-is-free if that is what it "
+            "reports where nothing comes back"
+        )
+    return good, f"{told}; they are left out"
+
+
+def _described(scan: Scan) -> str:
+    ranges = scan.ranges
+    counts = {
+        "NaN": np.isnan(ranges).sum(),
+        "0": (ranges == 0.0).sum(),
+        "below range_min": ((ranges != 0.0) & (ranges < scan.range_min_m)).sum(),
+    }
+    told = ", ".join(f"{count} {name}" for name, count in counts.items() if count > 0)
+    return (
+        f"{ranges.size} ranges{f' ({told})' if told else ''}, angle_min {scan.angle_min_rad:.3g}, angle_increment "
+        f"{scan.angle_increment_rad:.3g}, range_min {scan.range_min_m:.3g}, range_max {scan.range_max_m:.3g}"
+    )
+
+
+def _mount(
+    bag: Bag,
+    topic: str,
+    transforms: Transforms,
+    frame: str,
+    odometry: OdometryTable,
+    robot: RobotConfig,
+) -> tuple[Pose, bool, str]:
+    """Where the LiDAR sits, whether upside down, and what to say: by /tf, else by the robot's file."""
+    lidar = robot.lidar
+    configured = (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad)
+    chain = _from_base(transforms, frame, odometry)
+    if chain is None:
+        unrelated = frame in transforms.frames
+        told = f"/tf does not relate the frames {odometry.base!r} of the odometry and {frame!r} of {topic}: robot "
+        return configured, False, f"{told}{robot.name!r} says where the LiDAR is" if unrelated else ""
+    place, turn = chain.at(chain.times_s)
+    where = f"/tf says that the LiDAR of {topic} ({chain})"
+    if np.ptp(place, axis=0).max() > STILL_M or (turn[0].inv() * turn).magnitude().max() > STILL_RAD:
+        raise DatasetError(
+            f"{bag.path}: {where} moves on the robot; record one that is fixed, or leave out who moves it"
+        )
+    axes = turn[-1].as_matrix()  # its x, y and z axis in the robot's frame
+    tilt = math.acos(min(1.0, abs(axes[2, 2])))
+    if tilt > TILT_RAD:
+        raise DatasetError(
+            f"{bag.path}: {where} is tilted by {math.degrees(tilt):.1f} degrees; only one that scans level, or upside "
+            f"down, can be used: mend the transform, or mount it level"
+        )
+    upside_down = bool(axes[2, 2] < 0.0)
+    mount = (float(place[-1, 0]), float(place[-1, 1]), math.atan2(axes[1, 0], axes[0, 0]))
+    apart_m = math.dist(mount[:2], configured[:2])
+    apart_rad = abs(math.remainder(mount[2] - configured[2], 2.0 * math.pi))
+    if not upside_down and apart_m < SAME and apart_rad < SAME:
+        return configured, False, ""
+    if not upside_down and apart_m < STILL_M and apart_rad < STILL_RAD:
+        return mount, False, ""
+    sits = f"{_pose(mount)}{', upside down' if upside_down else ''}"
+    has = f"robot {robot.name!r} has {_pose(configured)}"
+    return mount, upside_down, f"{where} sits at {sits}, {has}: that of /tf is used"
+
+
+def _from_base(transforms: Transforms, frame: str, odometry: OdometryTable) -> Chain | None:
+    """The LiDAR in the robot's frame; where odometry does not name that, it is the first below the odometry's."""
+    if odometry.base:
+        return transforms.chain(odometry.base, frame)
+    chain = transforms.chain(odometry.frame, frame)
+    return transforms.chain(chain.frames[1], frame) if chain is not None and len(chain.frames) > 1 else None
+
+
+def _pose(pose: Pose) -> str:
+    x, y, yaw = pose
+    return f"({x:.2f} m, {y:.2f} m, {math.degrees(yaw):.0f} degrees)"
