@@ -264,6 +264,13 @@ def test_the_command_writes_the_dataset_that_training_takes(
     assert not Path("other").exists()
 
 
+def test_steps_that_cut_every_episode_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_cli("collect", "--steps", "8", "--num-envs", "4", "--out", tmp_path / "cut") == 0
+    assert "all 4 episodes were cut off after 2 steps" in " ".join(capsys.readouterr().err.split())
+    assert run_cli("collect", "--steps", "600", "--num-envs", "2", "--out", tmp_path / "whole") == 0
+    assert "cut off" not in capsys.readouterr().err
+
+
 @pytest.mark.slow
 @pytest.mark.integration
 def test_a_clone_of_a_bag_drives(tmp_path: Path) -> None:

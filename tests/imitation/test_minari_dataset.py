@@ -126,6 +126,38 @@ def test_steps_that_do_not_chain_are_refused(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_combined_datasets_are_what_their_parts_are(
+    recorded: Demonstrations, env: NavVectorEnv, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """minari.combine_datasets keeps nothing of ours but env_spec: that says of what robot, guidance and encoder."""
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    for name in ("a-v0", "b-v0"):
+        save_minari(recorded, tmp_path / name, Source.of(env))
+    minari.combine_datasets([minari.load_dataset(name) for name in ("a-v0", "b-v0")], "both-v0")
+    source = Source.of(env)
+    both = load_minari(tmp_path / "both-v0", source)
+    np.testing.assert_array_equal(both.observation, np.concatenate([recorded.observation] * 2))
+    wrong = {
+        r"robot\.radius_m = 0\.105, 0\.2 is wanted": {"robot": ROBOTS["diffbot"]},
+        "guidance = map, goal is wanted": {"guidance": "goal"},
+        r"encoder\.near_m = 0\.3": {"encoder": EncoderConfig(near_m=0.5)},
+    }
+    for message, changes in wrong.items():
+        with pytest.raises(DatasetError, match=message):
+            load_minari(tmp_path / "both-v0", dataclasses.replace(source, **changes))
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_what_minari_recorded_is_of_the_robot_that_it_was_made_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    path = record_elsewhere(tmp_path, infos=True, episodes=1)
+    with pytest.raises(DatasetError, match=r"robot\.radius_m = 0\.2, 0\.105 is wanted"):
+        load_minari(path, Source.of(NavVectorEnv(1, task_pool=1, robot="turtlebot3_burger")))
+
+
 def record_elsewhere(folder: Path, infos: bool, episodes: int = 2) -> Path:
     """A dataset made with Minari's own recorder, in MINARI_DATASETS_PATH; the last episode breaks off."""
     env = minari.DataCollector(gymnasium.make(adrl.ENV_ID, task_pool=2, randomize=False), record_infos=infos)

@@ -139,6 +139,25 @@ def test_missing_and_foreign_folders(tmp_path: Path) -> None:
         load_minari(tmp_path / "file")
 
 
+@pytest.mark.parametrize(
+    "kwargs",
+    [{"robot": "nobodys"}, {"robot": {"radius_m": -1}}, {"encoder": {"x": 1}}, {"encoder": 5}, [1, 2]],
+)
+def test_an_env_spec_that_makes_no_environment_is_named(
+    env: NavVectorEnv, dataset: Path, kwargs: Any
+) -> None:
+    spec = {
+        "id": "adrl/Nav-v0",
+        "entry_point": "adrl.envs:NavEnv",
+        "kwargs": kwargs,
+        "additional_wrappers": [],
+    }
+    edit_metadata(dataset, adrl=None, env_spec=json.dumps(spec))
+    with pytest.raises(DatasetError, match="env_spec"):
+        load_minari(dataset, Source.of(env))
+    assert len(load_minari(dataset)) > 0
+
+
 def test_loading_runs_no_code(dataset: Path) -> None:
     """No environment is made: a spec that names a hostile entry point is never looked at."""
     hostile = json.dumps({"id": "x-v0", "entry_point": "os:abort", "additional_wrappers": []})

@@ -109,6 +109,12 @@ def _from_simulator(options: CollectOptions) -> int:
     demonstrations = collect(env, options.steps, seed=options.seed)
     save_minari(demonstrations, options.out, Source.of(env, seed=options.seed))
     console().print(f"{len(demonstrations)} steps, {int(demonstrations.success.sum())} arrivals")
+    if int(demonstrations.ended.sum()) == options.num_envs and not demonstrations.terminated.any():
+        length = len(demonstrations) // options.num_envs
+        console().print(
+            f"all {options.num_envs} episodes were cut off after {length} steps, and nothing shows how to arrive; give "
+            "more --steps, or fewer --num-envs"
+        )
     print(options.out)
     return 0
 

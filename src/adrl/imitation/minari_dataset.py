@@ -7,6 +7,7 @@ import re
 import shutil
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from uuid import uuid4
@@ -14,7 +15,7 @@ from uuid import uuid4
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.errors import DatasetError
+from adrl.errors import AdrlError, DatasetError
 from adrl.files import sync
 from adrl.imitation.demonstrations import Demonstrations
 from adrl.observation import EncoderConfig, ObservationEncoder
@@ -22,6 +23,7 @@ from adrl.registration import ENV_ID
 from adrl.rewards import FEATURES, REWARD_TERMS, RewardConfig, reward
 from adrl.types import ACTION_SIZE, RobotConfig
 from adrl.worlds.given import training_fingerprints
+from adrl.worlds.robots import load_robot, robot_from_fields
 
 if TYPE_CHECKING:
     from adrl.envs import NavVectorEnv
@@ -101,7 +103,8 @@ def load_minari(path: PathLike, expected: Source | None = None) -> Demonstration
     path is the dataset's folder or the "data" folder in it. Others' datasets need the infos reward_terms and
     features (minari.DataCollector with record_infos=True stores them); where expert_action is missing, what
     was done counts as what the expert says. An episode that breaks off is marked truncated. expected: what
-    the data must fit; for others' datasets only the spaces can be compared. Raises DatasetError.
+    the data must fit. What minari.combine_datasets or a recorder of Minari has made is compared by its env_spec; where
+    that is missing, or of another environment, only the spaces can be compared. Raises DatasetError.
     """
     folder = _data_folder(Path(path))
     try:
@@ -116,6 +119,8 @@ def load_minari(path: PathLike, expected: Source | None = None) -> Demonstration
         size = ObservationEncoder(expected.robot, expected.encoder).size if expected else min(sizes)
         if sizes != {size}:
             raise DatasetError(f"has observations of {max(sizes - {size})} numbers, {size} are wanted")
+        if expected is not None and description is None:
+            _check_source(_by_env_spec(metadata), expected)
         return Demonstrations(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
     except DatasetError as error:
         raise DatasetError(f"{path}: {error}") from None
@@ -269,6 +274,32 @@ def _columns(episode: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
             raise DatasetError(f"{name} has {key} outside [-1, 1]; actions are normalised speed and yaw rate")
     truncated[-1] = not columns["terminated"][-1]
     return columns
+
+
+def _by_env_spec(metadata: Mapping[str, Any]) -> Mapping[str, Any] | None:
+    """Source.description() of the environment that the metadata's env_spec would make; None where it is another's.
+
+    Nothing is made: its arguments are read. Raises DatasetError.
+    """
+    from adrl.envs import NavVectorEnv
+
+    spec = json.loads(metadata.get("env_spec") or "null")
+    if not isinstance(spec, dict) or spec.get("id") != ENV_ID:
+        return None
+    given = {name: option.default for name, option in signature(NavVectorEnv).parameters.items()}
+    try:
+        given |= spec.get("kwargs") or {}
+        robot, encoder = given["robot"], given["encoder"]
+        return Source(
+            robot=robot_from_fields(robot) if isinstance(robot, Mapping) else load_robot(robot),
+            encoder=EncoderConfig(**(encoder or {})),
+            guidance=given["guidance"],
+            scenario=given["scenario"],
+        ).description()
+    except (AdrlError, TypeError, ValueError) as error:
+        raise DatasetError(
+            f"has an env_spec that makes no environment here ({error}); collect it again"
+        ) from None
 
 
 def _check_source(description: Mapping[str, Any] | None, expected: Source) -> None:
