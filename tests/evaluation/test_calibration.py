@@ -78,7 +78,10 @@ def test_a_fitted_robot_survives_its_file(tmp_path: Path) -> None:
         ("a,b\n1,2\n", "columns"),
         (",".join(COLUMNS) + "\n", "no row"),
         (",".join(COLUMNS) + "\n0,0.1,x,0,0,0\n", "numbers"),
-        (",".join(COLUMNS) + "\n0,0.1,nan,0,0,0\n", "finite"),
+        (",".join(COLUMNS) + "\n0,0.1,nan,0,0,0\n", "row 1: command_mps is nan; give a finite"),
+        (",".join(COLUMNS) + "\n0,0.1,0,0,0,0\n0,0.2,0,1e300,0,0\n", "row 2: command_radps is 1e.300"),
+        (",".join(COLUMNS) + "\n0,0.1,0,0\n", "row 1: speed_mps is None; numbers"),
+        (",".join(COLUMNS) + '\n0,0.1,0,"' + 200_000 * "9" + '",0,0\n', "field larger"),
     ],
 )
 def test_a_bad_file_is_named(tmp_path: Path, text: str, says: str) -> None:

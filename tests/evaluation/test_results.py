@@ -6,6 +6,7 @@ import math
 from dataclasses import fields
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import given
@@ -163,6 +164,38 @@ def test_a_bad_episode_file_is_named(make_episodes, tmp_path):
             read_episodes(path)
     pq.write_table(make_episodes(3).to_table().drop_columns(["success"]), path)
     with pytest.raises(CheckpointError, match=r"episodes\.parquet: .*'success'"):
+        read_episodes(path)
+
+
+FOREIGN = [["a"] * 3, [b"x"] * 3, [[1]] * 3, [{"a": 1}] * 3, np.zeros(3, "datetime64[s]")]
+NO_INTEGERS = [[2**63 - 1] * 3, [1.5] * 3]
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [(name, values) for name in ("task", "success", "distance_m", "start_x_m") for values in FOREIGN]
+    + [(name, values) for name in ("task", "success") for values in NO_INTEGERS],
+)
+def test_columns_of_another_type_are_named(make_episodes, tmp_path, name, values):
+    table = make_episodes(3).to_table()
+    table = table.set_column(table.column_names.index(name), name, pa.array(values))
+    pq.write_table(table, tmp_path / "episodes.parquet")
+    with pytest.raises(CheckpointError, match=rf"episodes\.parquet: .*type .*'{name}'"):
+        read_episodes(tmp_path / "episodes.parquet")
+
+
+def test_a_file_of_more_rows_than_are_read_is_refused(make_episodes, tmp_path, monkeypatch):
+    monkeypatch.setattr("adrl.evaluation.results.MAX_ROWS", 5)
+    write_episodes(tmp_path / "e.parquet", make_episodes(6))
+    with pytest.raises(CheckpointError, match=r"e\.parquet: .*6 rows, 5 at most"):
+        read_episodes(tmp_path / "e.parquet")
+
+
+def test_names_that_are_no_text_are_no_traceback(make_episodes, tmp_path):
+    path = tmp_path / "e.parquet"
+    write_episodes(path, make_episodes(3))
+    path.write_bytes(path.read_bytes().replace(b"distance_m", b"distance\xff\xfe"))
+    with pytest.raises(CheckpointError, match=r"e\.parquet"):
         read_episodes(path)
 
 

@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 
 from adrl import files
 from adrl.envs import NavSim
-from adrl.errors import DatasetError
+from adrl.errors import DatasetError, FileError
 from adrl.types import Array
 
+MAX_BYTES = 2**28
+"""Of a CSV file."""
+MOST = 1e7
+"""Seconds, m/s, rad/s: no drive has more."""
 COLUMNS = ("drive", "time_s", "command_mps", "command_radps", "speed_mps", "yaw_rate_radps")
 
 
@@ -51,22 +55,35 @@ class Drives:
 
 def read_drives(path: str | os.PathLike[str]) -> Drives:
     """Read a CSV file of COLUMNS, in any order and among others. Raises DatasetError naming the file."""
+    if not os.path.exists(path):
+        raise DatasetError(f"{path}: no such file; adrl gazebo evaluate --drives FILE writes one")
     try:
-        with open(path, newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
-        table = np.array([[float(row[name]) for name in COLUMNS] for row in rows]).reshape(-1, len(COLUMNS))
-    except FileNotFoundError:
-        raise DatasetError(f"{path}: no such file; adrl gazebo evaluate --drives FILE writes one") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reader = csv.DictReader(io.StringIO(files.read_text(path, MAX_BYTES), newline=""))
+        rows = list(reader)
+    except (FileError, csv.Error) as error:
         raise DatasetError(f"{path}: not a readable CSV file ({error})") from None
-    except (KeyError, TypeError, ValueError) as error:
-        raise DatasetError(
-            f"{path}: needs the columns {', '.join(COLUMNS)}, numbers in each row ({error})"
-        ) from None
-    if len(table) == 0 or not np.isfinite(table).all():
-        raise DatasetError(f"{path}: holds no row, or a number that is not finite")
+    if rows and not set(COLUMNS) <= set(reader.fieldnames or ()):
+        raise DatasetError(f"{path}: needs the columns {', '.join(COLUMNS)}, and has {', '.join(rows[0])}")
+    numbers = [
+        [_number(path, line, name, row[name]) for name in COLUMNS] for line, row in enumerate(rows, start=1)
+    ]
+    if not numbers:
+        raise DatasetError(f"{path}: holds no row")
+    table = np.array(numbers)
     table = table[np.lexsort((table[:, 1], table[:, 0]))]
     return Drives(table[:, 0].astype(np.int64), table[:, 1], table[:, 2:4], table[:, 4:6])
+
+
+def _number(path: str | os.PathLike[str], row: int, column: str, text: str | None) -> float:
+    try:
+        number = float(text or "")
+    except ValueError:
+        raise DatasetError(
+            f"{path}: row {row}: {column} is {text!r}; numbers are needed in each row"
+        ) from None
+    if not abs(number) <= MOST:  # nor NaN
+        raise DatasetError(f"{path}: row {row}: {column} is {number}; give a finite number up to {MOST:g}")
+    return number
 
 
 class DriveRecorder:

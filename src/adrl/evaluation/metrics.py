@@ -98,18 +98,31 @@ class Episodes:
     def from_table(cls, table: "pa.Table") -> Self:
         """Inverse of to_table; ignores unknown columns. Raises CheckpointError on a foreign table."""
 
-        def column(name: str) -> NDArray[np.generic]:
-            if name not in table.column_names:
-                raise CheckpointError(f"episode table has no column {name!r}; adrl evaluate did not write it")
+        def column(name: str, kind: type[np.generic]) -> NDArray[np.generic]:
+            if table.column_names.count(name) != 1:
+                raise CheckpointError(
+                    f"episode table has no column {name!r}, or several; adrl evaluate did not write it"
+                )
             values = table.column(name)
             if values.null_count:
                 raise CheckpointError(f"episode table has empty values in column {name!r}; evaluate again")
-            return values.to_numpy()
+            array = values.to_numpy()
+            if not (
+                np.can_cast(array.dtype, kind, "same_kind")
+                and np.array_equal(array, array.astype(kind), equal_nan=True)
+            ):
+                raise CheckpointError(
+                    f"episode table has values of type {values.type} in column {name!r}, and they are no "
+                    f"{kind.__name__}; evaluate again"
+                )
+            return array
 
         arrays: dict[str, NDArray[np.generic]] = {}
         for field in fields(cls):
             wide = _WIDE.get(field.name)
-            arrays[field.name] = np.stack([column(n) for n in wide], axis=1) if wide else column(field.name)
+            kind = _DTYPES.get(field.name, np.float64)
+            columns = [column(name, kind) for name in wide or (field.name,)]
+            arrays[field.name] = np.stack(columns, axis=1) if wide else columns[0]
         try:
             return cls(**arrays)  # pyright: ignore[reportArgumentType]  # dtypes are set in __post_init__
         except (ValueError, TypeError) as error:

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 from adrl import files
-from adrl.errors import CheckpointError
+from adrl.errors import CheckpointError, FileError
 from adrl.evaluation.metrics import OVER_SUCCESSES, RATES, SAMPLES, Episodes, on_common_tasks, solved_by_all
 from adrl.evaluation.statistics import (
     Interval,
@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 SCHEMA_VERSION = 1
 """Raised when a key changes its meaning or goes away, not when one is added."""
+
+MAX_BYTES, MAX_ROWS = 2**30, 10**7
+"""Of a table that is read."""
 
 Summary = dict[str, Any]
 """One evaluation as it stands in the JSON file."""
@@ -113,17 +116,21 @@ def read_episodes(path: str | os.PathLike[str]) -> Episodes:
 
 
 def read_table(path: str | os.PathLike[str]) -> "pa.Table":
-    """Read what write_table wrote. Raises CheckpointError naming the file: missing or no Parquet."""
+    """Read what write_table wrote. Raises CheckpointError naming the file: missing, no Parquet, too large."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
+    if not os.path.exists(path):
+        raise CheckpointError(f"{path}: no such file; run adrl evaluate with --out first")
     try:
         # One file, never a folder of them: pyarrow would take a folder as a dataset.
-        with open(path, "rb") as stream:
-            return pq.read_table(pa.py_buffer(stream.read()))
-    except FileNotFoundError:
-        raise CheckpointError(f"{path}: no such file; run adrl evaluate with --out first") from None
-    except (pa.ArrowException, OSError) as error:
+        file = pq.ParquetFile(pa.py_buffer(files.read_bytes(path, MAX_BYTES)))
+        if file.metadata.num_rows > MAX_ROWS:  # a small file may say the same row a billion times
+            raise ValueError(f"{file.metadata.num_rows} rows, {MAX_ROWS} at most are read")
+        table = file.read()
+        table.validate(full=True)
+        return table
+    except (FileError, pa.ArrowException, OSError, ValueError, KeyError) as error:
         raise CheckpointError(f"{path}: not a readable Parquet file ({error}); evaluate again") from error
 
 
