@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.imitation.demonstrations import Demonstrations, column_shapes
-from adrl.rewards import REWARD_TERMS, RewardConfig
+from adrl.rewards import FEATURES, REWARD_TERMS, RewardConfig
 
 F32 = NDArray[np.float32]
 
@@ -178,7 +178,9 @@ class Stumble(Walk):
 def record_demonstrations(env: ProbeEnv, rows: int) -> Demonstrations:
     """Let the expert of env drive for `rows` steps."""
     observation = env.reset(seed=11)[0].copy()
-    columns: dict[str, list[NDArray[Any]]] = {name: [] for name in column_shapes(2, len(REWARD_TERMS))}
+    columns: dict[str, list[NDArray[Any]]] = {
+        name: [] for name in column_shapes(2, len(REWARD_TERMS), len(FEATURES))
+    }
     for _ in range(rows):
         action = env.expert_actions()
         following, _, terminated, truncated, info = env.step(action)

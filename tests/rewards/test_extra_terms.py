@@ -13,10 +13,11 @@ from numpy.testing import assert_allclose
 import adrl
 from adrl import registry
 from adrl.agents.config import Td3Config
+from adrl.agents.replay import Replay
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError, DatasetError, UnknownName
 from adrl.evaluation.traces import read_traces
-from adrl.imitation import Demonstrations, Source, collect, save_minari
+from adrl.imitation import Demonstrations, Source, collect, load_minari, save_minari
 from adrl.report.document import document
 from adrl.report.source import read_source
 from adrl.rewards import REWARD_TERMS, RewardConfig, RewardTerm, Step, reward_terms, terms, weights
@@ -53,6 +54,61 @@ def test_a_term_with_a_shaping_term_s_name_takes_its_place() -> None:
     assert list(reward_terms(config)) == list(REWARD_TERMS)
     assert_allclose(terms(a_step(yaw_rate_radps=0.5), config)[:, 2], -1.0)
     assert_allclose(weights(np.array([0.5, 0.25, 1.0]), 0.5, config)[2], 0.3 / (0.3 + 0.2 + 0.225 + 0.45))
+
+
+def test_a_weight_names_its_features() -> None:
+    """The same weight as of four parameters, whose names are its own."""
+    by_position = RewardTerm("still", still, lambda a, b, c, s: 0.1 + 0.2 * a + 0.3 * b + 0.4 * c + 0.5 * s)
+    by_name = RewardTerm(
+        "still",
+        still,
+        lambda f: 0.1 + 0.2 * f.threat + 0.3 * f.proximity + 0.4 * f.stop + 0.5 * f.maturity,
+    )
+    states = np.random.default_rng(0).uniform(size=(50, 3))
+    given, named = (
+        weights(states, 0.3, RewardConfig(extra_terms=(term,))) for term in (by_position, by_name)
+    )
+    assert_allclose(given, named, rtol=1e-12)
+
+
+def test_a_number_is_a_weight_that_nothing_is_divided_by() -> None:
+    config = RewardConfig(extra_terms=(RewardTerm("still", still, 0.7),))
+    near = np.array([0.5, 0.25, 1.0])
+    assert_allclose(weights(near, 0.5, config), [*weights(near, 0.5, RewardConfig()), 0.7])
+    instead = RewardConfig(extra_terms=(RewardTerm("motion", still, 0.7),))
+    assert_allclose(weights(near, 0.5, instead)[2], 0.7)
+    assert_allclose(weights(near, 0.5, instead)[3:].sum(), 1.0)
+
+
+WINDY = RewardTerm(
+    "windy",
+    lambda step, config: -step.quantities["wind"],
+    lambda f: 0.2 * f.gust,
+    features={"gust": lambda step, config: np.clip(step.quantities["wind"], 0.0, 1.0)},
+    quantities={"wind": lambda sim: 0.1 + 0.01 * sim.b["time"]},
+)
+"""A term with a quantity that no Step has and a feature of its own."""
+
+
+def test_a_term_brings_quantities_and_features_of_its_own() -> None:
+    config = RewardConfig(extra_terms=(WINDY,))
+    env, data = demonstrations(config)
+    assert data.features.shape == (64, 4)
+    time_s = np.arange(1, 17) * env.robot.control_period_s  # steps of one robot, from its start
+    assert_allclose(data.reward_terms[:16, 6], -0.1 - 0.01 * time_s, rtol=1e-6)
+    assert_allclose(data.features[:16, 3], 0.1 + 0.01 * (time_s - 0.1), rtol=1e-6)
+    shares = weights(data.features, 0.5, config)
+    expected = 0.2 * data.features[:, 3] / (0.15 + 0.15 * data.features[:, 0])
+    assert_allclose(shares[:, 6] / shares[:, 4], expected, rtol=1e-6)
+
+
+def test_a_feature_that_nobody_brings_is_named() -> None:
+    with pytest.raises(ConfigError, match=r"asks for 'gust'; there are threat, proximity, stop, maturity"):
+        RewardTerm("odd", still, lambda f: f.gust)
+    with pytest.raises(ConfigError, match="'threat', which is there"):
+        RewardTerm("odd", still, 0.1, features={"threat": lambda step, config: step.clearance_m})
+    with pytest.raises(ConfigError, match="is -1; give 0 or more"):
+        RewardTerm("odd", still, -1)
 
 
 @pytest.mark.parametrize("bad", [(STILL, "still"), (RewardTerm("failure", still, STILL.weight),)])
@@ -117,6 +173,10 @@ def test_a_dataset_holds_the_six_only(tmp_path: Path) -> None:
     assert data.reward_terms.shape == (64, 7)
     with pytest.raises(DatasetError, match="has 7 reward terms"):
         save_minari(data, tmp_path / "seven", Source.of(env))
+    plain, six = demonstrations(RewardConfig())
+    save_minari(six, tmp_path / "six", Source.of(plain))
+    with pytest.raises(DatasetError, match="has 6 reward terms, the run's reward 7"):
+        Replay(8, 4, six.observation.shape[1], 1, 0.9, load_minari(tmp_path / "six"), reward=SEVEN)
 
 
 SMALL: dict[str, Any] = {"num_envs": 16, "task_pool": 8, "demonstration_steps": 512, "validation_episodes": 2}

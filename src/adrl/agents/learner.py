@@ -20,7 +20,6 @@ from adrl.imitation import schedule
 from adrl.imitation.probe import BoundsTable, Probe
 from adrl.imitation.schedule import Bounds, MaturityState
 from adrl.observation import Mirror
-from adrl.rewards import reward_terms
 
 F32 = NDArray[np.float32]
 
@@ -67,7 +66,7 @@ class Learner:
             demonstrations,
             self._mirror,
             config.failure_share,
-            len(reward_terms(config.reward)),
+            config.reward,
             self.reward_maturity,
         )
         self._probe = None if probe is None else jnp.array(probe.observation, copy=True)

@@ -8,7 +8,7 @@ from adrl.agents import networks
 from adrl.agents.backend import jax, jnp
 from adrl.agents.config import Td3Config
 from adrl.agents.networks import Sizes
-from adrl.rewards import FEATURES, RewardConfig, reward, reward_terms
+from adrl.rewards import RewardConfig, reward, reward_terms
 
 Array = jax.Array
 Rows = Any
@@ -70,7 +70,7 @@ def n_step_returns(batch: Batch, weights: Weights, config: RewardConfig) -> Arra
 
     Literal: with the S of the day it was stored. It depends on no network, so one pass serves all batches of a call.
     """
-    columns = np.cumsum([len(reward_terms(config)), len(FEATURES)])
+    columns = np.cumsum([len(reward_terms(config)), len(config.features())])
     terms, features, stored = jnp.split(batch.signals, columns, axis=-1)
     maturity = stored[..., 0] if config.eq17 == "literal" else weights.maturity
     rewards = reward(terms, features, maturity, config)  # (..., B, n, R) -> (..., B, n)

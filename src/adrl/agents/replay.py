@@ -18,7 +18,7 @@ from adrl.agents.losses import Batch, ExpertBatch
 from adrl.errors import CheckpointError, DatasetError
 from adrl.imitation.demonstrations import Demonstrations
 from adrl.observation import Mirror
-from adrl.rewards import FEATURES, REWARD_TERMS
+from adrl.rewards import RewardConfig, reward_terms
 from adrl.types import ACTION_SIZE
 
 F32 = NDArray[np.float32]
@@ -44,16 +44,18 @@ class Replay:
         demonstrations: Demonstrations | None = None,
         mirror: Mirror | None = None,
         failure_share: float = 0.0,
-        num_terms: int = len(REWARD_TERMS),
+        reward: RewardConfig | None = None,
         maturity: float = 0.0,
     ) -> None:
         """rows: T, at least n_step. n_step, gamma: of the targets. mirror: every other row that is sampled is
-        mirrored by it. failure_share: of the online rows sampled, those that lead to a failure. num_terms: R.
+        mirrored by it. failure_share: of the online rows sampled, those that lead to a failure. reward: whose R terms
+        and F features are kept, the plain one when None.
         maturity: S of the reward weights before anything is learnt, for the literal eq 17 of the demonstrations.
-        Raises DatasetError if D or R differ."""
+        Raises DatasetError if D, R or F differ."""
         self._mirror, self._failure_share = mirror, failure_share
         self._failures = Failures()
-        self._num_terms = num_terms
+        reward = reward or RewardConfig()
+        self._num_terms, self._num_features = len(reward_terms(reward)), len(reward.features())
         self.n_step = n_step
         self.rows = max(rows, n_step)
         self.num_envs = num_envs
@@ -66,7 +68,7 @@ class Replay:
             "observation": np.zeros((size, observation_size), np.float32),
             "next_observation": np.zeros((size, observation_size), np.float32),
             "action": np.zeros((size, ACTION_SIZE), np.float32),
-            "signals": np.zeros((size, num_terms + len(FEATURES) + 1), np.float32),
+            "signals": np.zeros((size, self._num_terms + self._num_features + 1), np.float32),
             "ending": np.zeros(size, np.uint8),
         }
         shape = num_envs, self.rows
@@ -86,12 +88,15 @@ class Replay:
                 f"demonstrations: an observation has {found} numbers, the environment's {observation_size}; "
                 "collect them with the same robot and encoder"
             )
-        recorded = data.reward_terms.shape[1]
-        if recorded != self._num_terms:
-            raise DatasetError(
-                f"demonstrations: a step has {recorded} reward terms, the run's reward {self._num_terms}; "
-                "collect them with the run's reward"
-            )
+        for what, recorded, wanted in (
+            ("reward terms", data.reward_terms.shape[1], self._num_terms),
+            ("features", data.features.shape[1], self._num_features),
+        ):
+            if recorded != wanted:
+                raise DatasetError(
+                    f"demonstrations: a step has {recorded} {what}, the run's reward {wanted}; "
+                    "collect them with the run's reward"
+                )
         stored = np.full((len(data), 1), maturity)
         sources = {
             "observation": data.observation,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from adrl.envs.render import Renderer
 from adrl.envs.vector_env import RENDER_FPS, NavVectorEnv
-from adrl.rewards import FEATURES, reward_terms
+from adrl.rewards import reward_terms
 
 F32 = NDArray[np.float32]
 
@@ -37,7 +37,7 @@ class NavEnv(gymnasium.Env[F32, F32]):
         # Recorders such as minari.DataCollector need the same entries from reset() and step().
         info: dict[str, Any] = {
             "reward_terms": np.zeros(len(reward_terms(self._env.sim.reward)), dtype=np.float32),
-            "features": np.zeros(len(FEATURES), dtype=np.float32),
+            "features": np.zeros(len(self._env.sim.reward.features()), dtype=np.float32),
             "success": np.False_,
             "collision": np.False_,
         }

@@ -54,7 +54,7 @@ class Outcome:
     reward_terms: F32
     """(N, R) r_i of eqs 7-12."""
     features: F32
-    """(N, 3) T_obs, T_goal, T_stop of the state in which the action was taken."""
+    """(N, F) features of the state in which the action was taken."""
 
 
 class NavSim:
@@ -105,7 +105,8 @@ class NavSim:
         self._time_limit_s = np.full(num_envs, np.inf)
         self._last_action = np.zeros((num_envs, 2), dtype=np.float32)
         self._displacements = np.zeros((num_envs, STAGNATION_WINDOW))
-        self._features = np.zeros((num_envs, 3), dtype=np.float32)
+        self._features = np.zeros((num_envs, len(self.reward.features())), dtype=np.float32)
+        self._quantities = self.reward.quantities()
         steps = self.encoder.config.history_steps
         self._history = ScanHistory(num_envs, robot.lidar.num_beams, steps) if steps > 0 else None
 
@@ -305,6 +306,7 @@ class NavSim:
             "max_speed_mps": self.robot.max_speed_mps,
             "max_yaw_rate_radps": self.robot.max_yaw_rate_radps,
             "dt_s": self.robot.control_period_s,
+            "quantities": {name: quantity(self) for name, quantity in self._quantities.items()},
         }
         return Step(**(values | changes))
 

@@ -75,8 +75,11 @@ class Demonstrations:
         steps = len(self.observation)
         if steps == 0:
             raise DatasetError("the demonstrations hold no step; collect some first")
-        num_terms = self.reward_terms.shape[-1]
-        for name, shape in column_shapes(self.observation.shape[-1], num_terms).items():
+        size, num_terms, num_features = (
+            array.shape[-1] for array in (self.observation, self.reward_terms, self.features)
+        )
+        # A reward may bring more features; the three are always there.
+        for name, shape in column_shapes(size, num_terms, max(num_features, len(FEATURES))).items():
             array = getattr(self, name)
             if array.shape != (steps, *shape):
                 raise DatasetError(f"demonstrations: {name} is {array.shape}, expected {(steps, *shape)}")
@@ -103,15 +106,15 @@ class Demonstrations:
         return self.reward_terms[:, 0] > 0.0
 
 
-def column_shapes(observation_size: int, num_terms: int) -> dict[str, tuple[int, ...]]:
-    """D, R -> shape of one step of each array of Demonstrations."""
+def column_shapes(observation_size: int, num_terms: int, num_features: int) -> dict[str, tuple[int, ...]]:
+    """D, R, F -> shape of one step of each array of Demonstrations."""
     return {
         "observation": (observation_size,),
         "action": (ACTION_SIZE,),
         "expert_action": (ACTION_SIZE,),
         "next_observation": (observation_size,),
         "reward_terms": (num_terms,),
-        "features": (len(FEATURES),),
+        "features": (num_features,),
         "terminated": (),
         "truncated": (),
     }
@@ -138,9 +141,11 @@ def collect(
         raise ConfigError("demonstrations need an environment with autoreset_mode SameStep")
     n, rows = env.num_envs, -(-num_steps // env.num_envs)
     observation, _ = env.reset(seed=seed)
+    config = env.sim.reward
+    shapes = column_shapes(observation.shape[1], len(reward_terms(config)), len(config.features()))
     data = {
         name: np.empty((n, rows, *shape), bool if name in ("terminated", "truncated") else np.float32)
-        for name, shape in column_shapes(observation.shape[1], len(reward_terms(env.sim.reward))).items()
+        for name, shape in shapes.items()
     }
     bursts = _Bursts(noise or NoiseConfig(), n, env.robot.control_period_s, np.random.default_rng((seed, 1)))
     for t in range(rows):

@@ -1,19 +1,19 @@
 """Constants of the reward. Terms keep the paper's numbers; `scale` brings their sum near 1."""
 
 import functools
-import itertools
 import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Self
 
-import numpy as np
 import tyro
 
 from adrl.errors import ConfigError
 from adrl.registry import look_up
-from adrl.rewards.step import Array, Step
+from adrl.rewards.extra import RewardTerm
+from adrl.rewards.features import FEATURES, Feature
+from adrl.rewards.step import Array
 from adrl.types import Form, require_forms
 
 EQUATIONS = ("eq8", "eq9", "eq10", "eq11", "eq14", "eq16", "eq17")
@@ -21,36 +21,6 @@ EQUATIONS = ("eq8", "eq9", "eq10", "eq11", "eq14", "eq16", "eq17")
 
 STANDING_AT_WORST = 3.3
 """The most that a reference period of standing costs: the least the weighted shaping terms can sum to."""
-
-
-class RewardTerm:
-    """A shaping term that is not one of the paper's six, or takes the place of one."""
-
-    def __init__(
-        self,
-        name: str,
-        value: "Callable[[Step, RewardConfig], Array]",
-        weight: Callable[[Any, Any, Any, Any], Any],
-    ) -> None:
-        """name: that of one of the four shaping terms takes its place. value: (N,) what a step pays. weight(T_obs,
-        T_goal, T_stop, S): before normalisation, as in eqs 14 and 15; of numpy's and of JAX's arrays, 0 or more.
-
-        Raises ConfigError for a weight that is not.
-        """
-        self.name, self.value, self.weight = name, value, weight
-        states = np.array(list(itertools.product((0.0, 0.5, 1.0), repeat=4)))
-        given = np.asarray(weight(*states.T))
-        if given.shape not in ((), (len(states),)):
-            raise ConfigError(f"reward term {name!r}: its weight has shape {given.shape}; give one a state")
-        for state, number in zip(states.tolist(), np.broadcast_to(given, len(states)).tolist(), strict=True):
-            if not (math.isfinite(number) and number >= 0.0):
-                raise ConfigError(
-                    f"reward term {name!r}: its weight for T_obs, T_goal, T_stop, S = {state} is {number}; "
-                    "give 0 or more"
-                )
-
-    def __str__(self) -> str:
-        return self.name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,6 +89,14 @@ class RewardConfig:
     def extra(self) -> tuple[RewardTerm, ...]:
         """The extra terms. Raises UnknownName for a name that no installed package offers."""
         return tuple(_offered(term) if isinstance(term, str) else term for term in self.extra_terms)
+
+    def features(self) -> dict[str, Feature]:
+        """The F features that the weights are functions of: the paper's three, then those of the extra terms."""
+        return FEATURES | {name: feature for term in self.extra() for name, feature in term.features.items()}
+
+    def quantities(self) -> dict[str, Callable[[Any], Array]]:
+        """What the extra terms need of a step that Step has not."""
+        return {name: value for term in self.extra() for name, value in term.quantities.items()}
 
 
 @functools.cache

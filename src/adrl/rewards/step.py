@@ -1,6 +1,7 @@
 """What a step did: the quantities that reward terms and features are functions of."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,8 @@ class Step:
     max_speed_mps: float
     max_yaw_rate_radps: float
     dt_s: float
+    quantities: Mapping[str, Array] = field(default_factory=dict)
+    """What extra terms asked for, by name; (N,) each. See RewardTerm."""
 
     @property
     def periods(self) -> float:
