@@ -7,9 +7,9 @@
 #include <iostream>
 #include <stdexcept>
 
-#include "braking.hpp"
+#include "drive/braking.hpp"
 #include "policy.hpp"
-#include "raycast.hpp"
+#include "world/raycast.hpp"
 
 namespace {
 

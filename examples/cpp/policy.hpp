@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "collision.hpp"
-#include "kinematics.hpp"
-#include "motion_cue.hpp"
+#include "drive/collision.hpp"
+#include "drive/kinematics.hpp"
+#include "world/motion_cue.hpp"
 #include "safetensors.hpp"
 
 // A scan of the LiDAR the policy was trained with, and where odometry says the robot was.
