@@ -2,6 +2,7 @@
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,8 +11,8 @@ from hypothesis import strategies as st
 
 from adrl import _core
 from adrl.errors import WorldError
-from adrl.types import World
 from adrl.worlds import load_sdf
+from adrl.worlds.sdf import SdfWorld
 
 CYLINDER = "<geometry><cylinder><radius>0.2</radius><length>1</length></cylinder></geometry>"
 BOX = "<geometry><box><size>2 0.5 1</size></box></geometry>"
@@ -32,10 +33,10 @@ def model(
     )
 
 
-def load(folder: Path, content: str) -> World:
+def load(folder: Path, content: str, **options: Any) -> SdfWorld:
     path = folder / "test.world"
     path.write_text(f"<?xml version='1.0'?><sdf version='1.6'><world name='w'>{content}</world></sdf>")
-    return load_sdf(path)
+    return load_sdf(path, **options)
 
 
 def matrix(p: tuple[float, ...]) -> np.ndarray:
@@ -130,16 +131,14 @@ def test_ground_and_sun_may_be_included_and_visuals_are_not_solid(tmp_path: Path
 @pytest.mark.parametrize(
     ("content", "says"),
     [
-        ("", "no box, cylinder"),
-        (model(CYLINDER, name="post", pose=pose("0 0 0 0.1 0 0")), "'post' is tilted"),
-        (model(CYLINDER, name="post", model_pose=pose("0 0 0 0 -0.002 0")), "'post' is tilted"),
+        ("", "nothing in a robot's way"),
         (model(CYLINDER, model_pose=pose("0 0 0", "")), "6 finite numbers"),
         (model(CYLINDER, model_pose=pose("0 0 0 0 0 nan")), "6 finite numbers"),
         (model(CYLINDER, model_pose=pose("0 0 0 0 0 0", "relative_to='other'")), "relative to 'other'"),
         (model(CYLINDER, model_pose=pose("0 0 0 0 0 0", "frame='other'")), "relative to 'other'"),
         (
             model("<geometry><mesh><uri>a.dae</uri></mesh></geometry>", name="chair"),
-            "'chair' has a collision",
+            "'chair' needs a.dae",
         ),
         (model("<geometry><box><size>1 1</size></box></geometry>"), "3 finite numbers"),
         (model("<geometry><box/></geometry>"), "3 finite numbers"),
@@ -150,9 +149,23 @@ def test_ground_and_sun_may_be_included_and_visuals_are_not_solid(tmp_path: Path
             "'ramp' has a slanted",
         ),
         (model("<geometry><plane><normal>0 0 0</normal></plane></geometry>"), "direction"),
+        (model("<geometry><heightmap/></geometry>", name="hills"), "--ignore hills"),
+        (model("<geometry><box><size>1e308 1 1</size></box></geometry>"), "numbers up to 1e+09"),
+        (model("<geometry><sphere><radius>1e308</radius></sphere></geometry>"), "numbers up to 1e+09"),
+        (model("<geometry><box><size>1e-300 1 1</size></box></geometry>"), "from 1e-06 m"),
+        (model(CYLINDER, model_pose=pose("1" + "0" * 5000 + " 0 0 0 0 0", "")), "6 finite numbers"),
+        (
+            model("<geometry><polyline><point>0 0</point><height>1</height></polyline></geometry>"),
+            "of 1 points",
+        ),
+        (model(CYLINDER, pose=pose("0 0 0 0 0 0 0", "rotation_format='quat_xyzw'")), "quaternion is zero"),
         ("<include><uri>model://cafe_table</uri></include>", "model://cafe_table"),
+        (
+            "<include><uri>https://fuel.gazebosim.org/1.0/a/models/Cafe Table/2</uri></include>",
+            "--ignore cafe_table",
+        ),
         ("<include/>", "without <uri>"),
-        ("<model name='m'><include><uri>model://x</uri></include></model>", "model 'm' includes"),
+        ("<model name='m'><include><uri>model://x</uri></include></model>", "model 'm' needs model://x"),
         ("<population name='p'/>", "population"),
         (model(BOX) + "<state><model name='m'><scale>0 1 1</scale></model></state>", "state of model 'm'"),
         ("<model name='m'>" * 40 + "</model>" * 40, "nested"),
@@ -166,6 +179,80 @@ def test_what_cannot_be_read_is_named(tmp_path: Path, content: str, says: str) -
     assert "test.world" in str(caught.value)
 
 
+def test_all_that_cannot_be_read_is_named_at_once_and_can_be_left_out(tmp_path: Path) -> None:
+    broken = model("<geometry><mesh><uri>a.dae</uri></mesh></geometry>", name="chair 1")
+    broken += "<population name='crowd'/>" + model("<geometry><heightmap/></geometry>", name="hills")
+    content = model(CYLINDER, name="post") + broken
+    with pytest.raises(WorldError, match=r"2 more models .* --ignore 'chair 1' crowd hills|--ignore crowd"):
+        load(tmp_path, content)
+    world = load(tmp_path, content, ignore=["chair*", "crowd", "hills"])
+    assert len(world.circles) == 1
+    with pytest.raises(WorldError, match="no model 'hill' to ignore; did you mean 'hills'"):
+        load(tmp_path, model(CYLINDER, name="hills") + model(CYLINDER), ignore=["hill"])
+
+
+def test_links_and_collisions_can_be_left_out_too(tmp_path: Path) -> None:
+    content = model(CYLINDER, name="a") + model(BOX, name="b")
+    assert len(load(tmp_path, content, ignore=["a::l"]).circles) == 0
+    assert len(load(tmp_path, content, ignore=["b::l::c"]).polygons) == 0
+
+
+def test_what_is_left_out_or_guessed_is_named(tmp_path: Path) -> None:
+    static, up = "<static>1</static>", pose("9 9 3 0 0 0")
+    plugin = "<plugin name='drive' filename='libgazebo_ros_diff_drive.so'/>"
+    joint = "<joint name='hinge' type='revolute'><parent>l</parent><child>l</child></joint>"
+    link = f"<link name='l'><collision name='c'>{CYLINDER}</collision></link>"
+    visual = f"<link name='l'><visual name='v'>{CYLINDER}</visual></link>"
+    world = load(
+        tmp_path,
+        f"<model name='post'>{static}{link}</model>"
+        f"<model name='box'>{link}</model>"
+        f"<model name='robot'>{link}{plugin}</model>"
+        f"<model name='door'>{link}{joint}</model>"
+        f"<model name='lamp'>{static}{up}{link}</model>"
+        f"<model name='ball'>{pose('-9 9 3 0 0 0')}{link}</model>"
+        f"<model name='drop'>{pose('20 0 1 0 0 0')}<link name='l'><pose>0 0 -0.2 0 0 0</pose><collision name='c'>"
+        f"{CYLINDER}</collision></link></model>"
+        f"<model name='picture'>{static}{visual}</model>"
+        f"<model name='rug'>{static}{pose('0 0 -0.5 0 0 0')}{link}</model>"
+        "<actor name='walker'/>",
+    )
+    assert world.left_out == {
+        "actors, which walk": ("walker",),
+        "robots, which drive": ("robot",),
+        "above 0.5 m": ("lamp",),
+        "not static, and nothing under them: they will fall": ("ball",),
+        "without a collision shape": ("picture",),
+        "below 0.05 m": ("rug",),
+    }
+    assert world.guessed == {
+        "not static: they move when pushed": ("box",),
+        "their joints move": ("door",),
+        "not static, and nothing under them: they will fall": ("drop",),
+    }
+    assert len(world.notes) == 2
+    assert not any("\n" in note for note in world.notes)
+
+
+def test_what_stands_on_another_thing_does_not_fall(tmp_path: Path) -> None:
+    cup = model(CYLINDER, name="cup", model_pose=pose("0 0 1.5 0 0 0"))
+    table = model(BOX, name="table", model_pose=pose("0 0 0.5 0 0 0"))
+    assert load(tmp_path, table + cup).left_out == {"above 0.5 m": ("cup",)}
+    beside = model(BOX, name="table", model_pose=pose("5 0 0.5 0 0 0"))
+    (reason,) = load(tmp_path, beside + cup).left_out
+    assert "fall" in reason
+
+
+def test_a_slab_that_covers_the_world_is_named(tmp_path: Path) -> None:
+    slab = model("<geometry><box><size>20 20 0.2</size></box></geometry>", name="slab")
+    (reason,) = (
+        why
+        for why, names in load(tmp_path, slab + model(CYLINDER)).guessed.items()
+        if "slab" in names[:1] and "floor" in why
+    )
+    assert "--ignore" in reason
+
+
 @pytest.mark.parametrize("text", ["", "not xml", "<sdf version='1.6'><model name='m'/></sdf>"])
 def test_a_file_without_a_world_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "bad.world").write_text(text)
@@ -173,6 +260,49 @@ def test_a_file_without_a_world_is_refused(tmp_path: Path, text: str) -> None:
         load_sdf(tmp_path / "bad.world")
     with pytest.raises(WorldError, match="does not exist"):
         load_sdf(tmp_path / "none.world")
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b'<?xml version="1.0" encoding="x"?><sdf/>', "encoding"),
+        (b'<?xml version="1.0" encoding="shift_jis"?><sdf/>', "encoding"),
+        (b"<a>" * 100_000, "nested"),
+        (b"\xff\xfe\x00\xd8", "well-formed"),
+        (b"define block model\n(\n  size [1 1 1]\n)\nwindow ( size [ 1 1 ] )\n", "a world of Stage"),
+        (b"<robot name='r'/>", "URDF"),
+    ],
+)
+def test_what_is_no_sdf_is_refused_in_a_line(tmp_path: Path, content: bytes, says: str) -> None:
+    (tmp_path / "bad.world").write_bytes(content)
+    with pytest.raises(WorldError, match=says) as caught:
+        load_sdf(tmp_path / "bad.world")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_of_countless_elements_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("adrl.worlds.sdf.document.MAX_ELEMENTS", 1000)
+    (tmp_path / "bad.world").write_bytes(b"<sdf>" + b"<a/>" * 1001 + b"</sdf>")
+    with pytest.raises(WorldError, match="more than 1000 elements"):
+        load_sdf(tmp_path / "bad.world")
+
+
+def test_a_device_is_no_world() -> None:
+    with pytest.raises(WorldError, match="no ordinary file"):
+        load_sdf("/dev/zero")
+
+
+@pytest.mark.parametrize("before", ["\n\n", "<!-- made by hand -->\n", "\ufeff"])
+def test_lines_before_the_xml_head_are_passed_over(tmp_path: Path, before: str) -> None:
+    text = f"{before}<?xml version='1.0'?><sdf version='1.6'><world name='w'>{model(CYLINDER)}</world></sdf>"
+    (tmp_path / "w.world").write_text(text, encoding="utf-8")
+    assert len(load_sdf(tmp_path / "w.world").circles) == 1
+
+
+def test_a_comment_that_is_not_in_the_files_encoding_does_not_matter(tmp_path: Path) -> None:
+    text = f"<sdf version='1.6'><!-- caf\xe9 --><world name='w'>{model(CYLINDER)}</world></sdf>"
+    (tmp_path / "w.world").write_bytes(text.encode("latin-1"))
+    assert len(load_sdf(tmp_path / "w.world").circles) == 1
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])

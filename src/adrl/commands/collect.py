@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, POSE_TOPIC, SCAN_TOPIC
-from adrl.commands.options import console, parse
+from adrl.commands.options import console, load_place, parse
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError
 from adrl.imitation import BagSummary, BagTopics, Source, collect, read_demonstrations, save_minari
@@ -100,7 +100,7 @@ def _from_simulator(options: CollectOptions) -> int:
         raise ConfigError(f"seed is {options.seed}; give 0 or more")
     env = NavVectorEnv(
         options.num_envs,
-        scenario=options.load(),
+        scenario=load_place(options),
         robot=options.robot,
         guidance=options.guidance,
         encoder=options.encoder,

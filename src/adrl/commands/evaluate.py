@@ -9,6 +9,7 @@ from adrl import api
 from adrl.commands.options import (
     console,
     counting_bar,
+    load_place,
     parse,
     write_document,
 )
@@ -64,7 +65,7 @@ def main(arguments: Sequence[str]) -> int:
     require_folder("--out", options.out)
     require_file("--json", options.json)
     # Before the bar: what cannot be read is told in one line.
-    place, robot = options.load(), None if options.robot is None else load_robot(options.robot)
+    place, robot = load_place(options), None if options.robot is None else load_robot(options.robot)
     with counting_bar(f"evaluating {options.policy}", "episodes") as show:
         result = api.evaluate(
             options.policy,

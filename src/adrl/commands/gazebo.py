@@ -12,6 +12,7 @@ from adrl.commands.options import (
     Runner,
     console,
     counting_bar,
+    load_place,
     parse,
     progress_bar,
     subcommand,
@@ -110,6 +111,7 @@ def _evaluate(arguments: Sequence[str]) -> int:
     require_folder("--out", options.out)
     require_file("--json", options.json)
     require_file("--drives", options.drives)
+    load_place(options)
     side = _drive(
         options,
         "Gazebo",
@@ -134,6 +136,7 @@ def _transfer(arguments: Sequence[str]) -> int:
     )
     require_folder("--out", options.out)
     require_file("--json", options.json)
+    load_place(options)
     robot = load_robot(options.robot or api.robot_of(options.policy))
     simulators = ("native", "gazebo", "calibrated")
     folders = {name: None if options.out is None else options.out / name for name in simulators}
@@ -167,7 +170,7 @@ def _film(arguments: Sequence[str]) -> int:
     require_file("--out", options.out)
     if options.frames < 1:
         raise ConfigError(f"frames is {options.frames}; give 1 or more")
-    place, robot = options.load(), load_robot(options.robot or api.robot_of(options.policy))
+    place, robot = load_place(options), load_robot(options.robot or api.robot_of(options.policy))
     tasks = task_set(place, robot, options.split, 1, first=options.task)
     pictures: list[bytes] = []
 
@@ -198,7 +201,7 @@ def _export(arguments: Sequence[str]) -> int:
         ExportOptions, arguments, "gazebo export", "Write a world that Gazebo reads, without a robot."
     )
     require_file("--out", options.out)
-    task = task_set(options.load(), load_robot(options.robot), options.split, 1, first=options.task)[0]
+    task = task_set(load_place(options), load_robot(options.robot), options.split, 1, first=options.task)[0]
     save_sdf(options.out, task.world)
     x, y, yaw = task.start
     console().print(f"start {x:.3f} {y:.3f} {yaw:.3f}, goal {task.goal[0]:.3f} {task.goal[1]:.3f}")

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import tyro
 from rich.console import Console
@@ -11,6 +11,10 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from adrl import files
 from adrl.errors import UnknownName
+
+if TYPE_CHECKING:
+    from adrl.types import Scenario
+    from adrl.worlds.place import Place
 
 Options = TypeVar("Options")
 Runner = Callable[[Sequence[str]], int]
@@ -45,6 +49,14 @@ def subcommand(
     if what not in kinds:
         raise UnknownName(noun, what, kinds)
     return kinds[what][1](rest)
+
+
+def load_place(place: "Place") -> "Scenario":
+    """The scenario, map or worlds; what is to be known of how it was read goes to the terminal, a line each."""
+    scenario = place.load()
+    for note in getattr(scenario, "notes", ()):
+        console().print(f"{scenario.name}: {note}", markup=False, highlight=False, soft_wrap=True)
+    return scenario
 
 
 def write_document(path: Path | None, document: Mapping[str, Any]) -> None:

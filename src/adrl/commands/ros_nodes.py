@@ -3,7 +3,7 @@
 from collections.abc import Callable, Sequence
 from importlib import import_module
 
-from adrl.commands.options import parse, subcommand
+from adrl.commands.options import load_place, parse, subcommand
 from adrl.integrations.ros.config import DriveConfig, SimConfig
 
 Split = Callable[[Sequence[str]], tuple[Sequence[str], Sequence[str]]]
@@ -22,6 +22,7 @@ def run(command: str, split: Split, arguments: Sequence[str], example: str) -> i
     def sim(arguments: Sequence[str]) -> int:
         ours, theirs = split(arguments)
         config = parse(SimConfig, ours, f"{command} sim", "A simulated robot on the topics of one.")
+        load_place(config)
         import_module(f"adrl.integrations.{command}.sim").sim(config, theirs)
         return 0
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from adrl.agents.methods import method_name
 from adrl.cli import STARTED_S
-from adrl.commands.options import console, parse, progress_bar
+from adrl.commands.options import console, load_place, parse, progress_bar
 from adrl.outputs import require_folder
 from adrl.runs import RunConfig, run_folder, train
 
@@ -23,7 +23,8 @@ def main(arguments: Sequence[str]) -> int:
     )
     require_folder("--out", config.out)
     last_drawn = 0.0
-    with progress_bar(f"{method_name(config.method)} on {config.load().name}") as (bar, task):
+    scenario = load_place(config)
+    with progress_bar(f"{method_name(config.method)} on {scenario.name}") as (bar, task):
 
         def show(progress: "Progress") -> None:
             nonlocal last_drawn
@@ -38,7 +39,7 @@ def main(arguments: Sequence[str]) -> int:
         f"{result.env_steps} environment steps, {result.updates} updates, {result.episodes} episodes in "
         f"{result.train_seconds:.1f} s"
     )
-    print(run_folder(config, config.load()))
+    print(run_folder(config, scenario))
     return 0
 
 

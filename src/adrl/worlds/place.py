@@ -23,7 +23,12 @@ class Place:
     unknown: Unknown = "solid"
     """What cells of the map are that nothing has looked at: solid or free."""
     world: Path | None = None
-    """Gazebo SDF world of boxes, cylinders and planes, instead of a scenario."""
+    """Gazebo world (SDF), instead of a scenario. Meshes need the extra meshes."""
+    models: tuple[Path, ...] = ()
+    """Folders of the models and meshes that the world names, looked in before Gazebo's variables and the folders beside
+    the world."""
+    ignore: tuple[str, ...] = ()
+    """Names of models to leave out of the world; patterns such as 'tree_*' too."""
     barn: Path | None = None
     """Folder of worlds of the BARN benchmark with their paths, instead of a scenario."""
     barn_held_out: int = 0
@@ -35,6 +40,8 @@ class Place:
             raise ConfigError("give one of scenario, map, world and barn")
         if self.unknown != "solid" and self.map is None:
             raise ConfigError(f"unknown is {self.unknown!r} without map; give --map too")
+        if (self.models or self.ignore) and self.world is None:
+            raise ConfigError("--models and --ignore are for a world of Gazebo; give --world too")
         if self.barn_held_out and self.barn is None:
             raise ConfigError(f"barn_held_out is {self.barn_held_out} without barn; give --barn too")
 
@@ -45,10 +52,15 @@ class Place:
         for name in ("map", "world", "barn"):
             if saved.get(name) is not None:
                 saved[name] = Path(saved[name])
+        for name, kind in (("models", Path), ("ignore", str)):
+            saved[name] = tuple(map(kind, saved.get(name, ())))
         return Place(**saved)
 
     def load(self) -> Scenario:
-        """The scenario, map or worlds, read once. Raises UnknownName, MapError, WorldError, ConfigError."""
+        """The scenario, map or worlds, read once.
+
+        Raises UnknownName, MapError, WorldError, ConfigError, MissingExtra.
+        """
         return self._loaded
 
     @cached_property
@@ -56,7 +68,7 @@ class Place:
         if self.map is not None:
             return MapScenario(self.map, self.unknown)
         if self.world is not None:
-            return SdfScenario(self.world)
+            return SdfScenario(self.world, models=self.models, ignore=self.ignore)
         if self.barn is not None:
             return BarnScenario(self.barn, self.barn_held_out)
         return get_scenario(self.scenario or "clutter")

@@ -1,6 +1,7 @@
-"""sdf: tasks in a Gazebo world made of primitives."""
+"""sdf: tasks in a Gazebo world."""
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from adrl.types import World
@@ -9,10 +10,19 @@ from adrl.worlds.sdf import load_sdf
 
 
 class SdfScenario(FixedWorld):
-    """Start and goal inside the world's bounds. Raises WorldError when the world cannot be read."""
+    """Start and goal inside the world's bounds. models and ignore are those of load_sdf, and so are the errors."""
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        super().__init__(f"sdf:{Path(path).stem}", load_sdf(path))
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        models: Sequence[str | os.PathLike[str]] = (),
+        ignore: Sequence[str] = (),
+    ) -> None:
+        world = load_sdf(path, models=models, ignore=ignore)
+        super().__init__(f"sdf:{Path(path).stem}", world)
+        self.notes = world.notes
+        """What was left out of the world, and what was guessed: a line each."""
 
     @property
     def training_worlds(self) -> list[World]:
