@@ -138,6 +138,26 @@ def test_odometry_that_agrees_is_never_said_to_contradict_itself(
     assert_allclose(found, np.stack([speeds, rates], axis=1)[1:-1], atol=2.0 * dt_s)
 
 
+def test_a_base_that_averages_its_twists_contradicts_nothing() -> None:
+    """As diff_drive_controller does: a real Husky's yaw rates lag by so much that 1 s of them is off by a third."""
+    rates = np.repeat(np.random.default_rng(1).uniform(-0.5, 0.5, 40), 15)
+    table = drive(np.full(600, 0.5), rates, 0.1)
+    table.twist[10:, 1] = np.convolve(table.twist[:, 1], np.full(10, 0.1), mode="valid")[:-1]
+    assert contradiction(table) is None
+
+
+@pytest.mark.parametrize("yaw", [0.5, 1.0, 2.0, 3.0])
+def test_speeds_along_the_odometry_s_x_are_told_from_the_robot_s_own(yaw: float) -> None:
+    table = drive(np.full(300, 0.5), np.zeros(300), 0.1)
+    c, s = math.cos(yaw), math.sin(yaw)
+    table.pose[:, 1] = s * table.pose[:, 0]
+    table.pose[:, 0] *= c
+    table.pose[:, 2] += yaw
+    assert contradiction(table) is None
+    table.twist[:, 0] *= c
+    assert "along x of the frame 'odom'" in str(contradiction(table))
+
+
 def test_standing_and_a_new_beginning_contradict_nothing() -> None:
     still = drive(np.zeros(600), np.zeros(600), 0.1, noise=0.003)
     assert contradiction(still) is None

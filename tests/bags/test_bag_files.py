@@ -106,6 +106,13 @@ def without_index(bag: Path) -> None:
     bag.write_bytes(content)
 
 
+def with_longer_index(bag: Path) -> None:
+    content = bytearray(bag.read_bytes())
+    at = content.index(b"count=", content.rindex(b"op=\x04")) + len(b"count=")
+    content[at : at + 4] = (7).to_bytes(4, "little")
+    bag.write_bytes(content)
+
+
 def gone(bag: Path) -> None:
     (bag / "metadata.yaml").unlink()
 
@@ -128,6 +135,7 @@ DAMAGES: dict[str, tuple[str, Callable[[Path], object], str]] = {
     "cut, ros 1": ("ros1.bag", cut(0.9), r"; run: rosbag reindex .*ros1\.bag"),
     "cut, mcap": ("mcap", cut(0.9), "; if its end was lost, run: mcap recover"),
     "cut, db3": ("db3", cut(0.5), r"; if its end was lost, run: sqlite3 FILE\.db3 \.recover"),
+    "index of other sizes": ("ros1.bag", with_longer_index, r"; run: rosbag reindex .*ros1\.bag"),
     "empty, ros 1": ("ros1.bag", cut(0.0), "the file is empty"),
     "empty, mcap": ("mcap", cut(0.0), r"mcap\.mcap is empty"),
     "empty, db3": ("db3", cut(0.0), r"db3\.db3 is empty"),

@@ -68,7 +68,7 @@ def reason(error: Exception) -> str:
 
 def mending(path: Path, error: Exception) -> str:
     """What to run, to be put behind the reason; "" where nothing is known to help."""
-    text = str(error).lower()
+    text = f"{type(error).__name__} {error}".lower()
     stored = {file.suffix for file in path.iterdir()} if path.is_dir() else {path.suffix}
     for words, found, advice in _MENDINGS:
         if found in stored and any(word in text for word in words):
@@ -78,7 +78,7 @@ def mending(path: Path, error: Exception) -> str:
 
 _REINDEX = "run: ros2 bag reindex {path}"
 _MENDINGS = (
-    (("index", "header", "uint", "got only", "record"), ".bag", "run: rosbag reindex {path}"),
+    (("index", "header", "uint", "got only", "record", "assertion"), ".bag", "run: rosbag reindex {path}"),
     (("not a database", "malformed"), ".mcap", f"{METADATA} names another storage than .mcap; {_REINDEX}"),
     (("magic",), ".db3", f"{METADATA} names another storage than .db3; {_REINDEX}"),
     (("some database files are missing",), ".yaml", f"put them back, or {_REINDEX}"),

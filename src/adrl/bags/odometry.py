@@ -15,14 +15,18 @@ from adrl.types import Array
 
 SAME_CLOCK_S = 1.0
 """Stamps farther apart are of two clocks."""
-WINDOW_S = 1.0
-"""Poses and twists are compared over so long: stamps and slip matter less the longer."""
+WINDOW_S = 3.0
+"""Poses and twists are compared over so long: a real base averages its twists over up to a second."""
+PAUSE_S = 1.0
+"""Odometry that is silent for longer is not compared over the silence."""
 MOVED = (0.05, 0.1)
 """m, rad in a window from which on it is compared,"""
 COMPARED = (0.3, 0.6)
 """and m, rad in all of the windows together, without which nothing is said."""
-MISMATCH = 0.3
+MISMATCH = 0.4
 """Part of what was moved by which poses and twists may differ."""
+OTHER_FRAME = 0.1
+"""The same for speeds that are nearly those along x of the odometry's frame."""
 CAN_BE_DRIVEN_MPS, JUMP_M = 10.0, 0.1
 """Poses that move faster, beside a step of so much, have begun anew."""
 MOST_SIDEWAYS = 0.5
@@ -146,12 +150,19 @@ def contradiction(odometry: OdometryTable) -> str | None:
         (("twist.twist.linear.x", FORWARD, "m"), ("twist.twist.angular.z", TURN, "rad"))
     ):
         driven = moved[:, column]
-        if not _differ(driven, told[:, axis], axis):
+        mismatch = _mismatch(driven, told[:, axis], axis)
+        along_x = _mismatch(moved[:, ALONG_X], told[:, 0], 0)
+        if (
+            axis == 0
+            and mismatch > OTHER_FRAME
+            and along_x < min(OTHER_FRAME, 0.3 * mismatch)
+            and told[:, 0].any()
+        ):
+            return f"{field} is the speed along x of the frame {odometry.frame!r} instead of the robot's own"
+        if mismatch <= MISMATCH:
             continue
         if not odometry.twist[:, axis].any():
             return f"{field} is always 0 while pose.pose moves {np.abs(driven).sum():.1f} {unit}"
-        if axis == 0 and not _differ(moved[:, ALONG_X], told[:, 0], 0):
-            return f"{field} is the speed along x of the frame {odometry.frame!r} instead of the robot's own"
         return (
             f"{field} comes to {np.abs(told[:, axis]).sum():.1f} {unit} where pose.pose moves "
             f"{np.abs(driven).sum():.1f} {unit}, or to another direction"
@@ -159,12 +170,12 @@ def contradiction(odometry: OdometryTable) -> str | None:
     return None
 
 
-def _differ(driven: Array, told: Array, axis: int) -> bool:
-    """Whether two motions (W,) of windows differ by more than noise and slip do."""
+def _mismatch(driven: Array, told: Array, axis: int) -> float:
+    """By which part of them two motions (W,) of windows differ; 0 where too little moves to say."""
     most = np.maximum(np.abs(driven), np.abs(told))
     moving = most > MOVED[axis]
     compared = most[moving].sum()
-    return bool(compared > COMPARED[axis] and np.abs(driven - told)[moving].sum() > MISMATCH * compared)
+    return float(np.abs(driven - told)[moving].sum() / compared) if compared > COMPARED[axis] else 0.0
 
 
 FORWARD, SIDEWAYS, TURN, ALONG_X = range(4)
@@ -185,7 +196,7 @@ def _windows(odometry: OdometryTable) -> tuple[Array, Array]:
     hops = _motion(odometry.pose[:-1], odometry.pose[1:])
     told = 0.5 * (twist[1:] + twist[:-1]) * gaps[:, None]
     far = np.hypot(hops[:, FORWARD], hops[:, SIDEWAYS])
-    broken = (gaps > WINDOW_S) | (far > CAN_BE_DRIVEN_MPS * gaps + JUMP_M)
+    broken = (gaps > PAUSE_S) | (far > CAN_BE_DRIVEN_MPS * gaps + JUMP_M)
     sums = np.concatenate(
         [np.zeros((1, 7)), np.cumsum(np.column_stack([hops, told, broken.astype(float)]), axis=0)]
     )
