@@ -142,7 +142,7 @@ def _from_bags(options: CollectOptions) -> int:
         guidance="goal",
         scenario="bags",
         demonstrator="whoever drove the robot",
-        extra={"bags": {path.name: asdict(s) for path, s in zip(options.bag, summaries, strict=True)}},
+        extra={"bags": {str(path): asdict(s) for path, s in zip(options.bag, summaries, strict=True)}},
     )
     save_minari(demonstrations, options.out, source)
     for path, summary in zip(options.bag, summaries, strict=True):

@@ -58,8 +58,8 @@ def read_scans(
     scans, frames = [], set[str]()
     for seconds, message in bag.messages(topic, SCANS):
         frames.add(frame_name(message.header.frame_id))
-        scans.append(
-            Scan(
+        with np.errstate(invalid="ignore"):  # of NaN that signals
+            scan = Scan(
                 ranges=message.ranges,
                 angle_min_rad=message.angle_min,
                 angle_increment_rad=message.angle_increment,
@@ -67,7 +67,7 @@ def read_scans(
                 range_max_m=message.range_max,
                 stamp_s=seconds,
             )
-        )
+        scans.append(scan)
     frame = one_frame(bag.path, topic, "header.frame_id", frames)
     scans.sort(key=lambda scan: scan.stamp_s)
     scans, free_note = _with_free_beams(topic, scans, zero_is_free=zero_is_free, nan_is_free=nan_is_free)
