@@ -75,7 +75,7 @@ class ProbeEnv:
         info = {
             "reward_terms": terms,
             "features": np.zeros((self.num_envs, 3), np.float32),
-            "final_obs": final,
+            "next_obs": final,
             "success": ended & ~failed & (rewards > 0),
             "collision": failed,
         }
@@ -188,7 +188,7 @@ def record_demonstrations(env: ProbeEnv, rows: int) -> Demonstrations:
             "observation": observation,
             "action": action,
             "expert_action": action,
-            "next_observation": info["final_obs"],
+            "next_observation": info["next_obs"],
             "reward_terms": info["reward_terms"],
             "features": info["features"],
             "terminated": terminated,

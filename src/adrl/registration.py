@@ -16,6 +16,8 @@ ENVS = {
     ),
 }
 """Each environment's class, and that of many side by side."""
+MAX_EPISODE_STEPS = 100_000
+"""More than any task gives: each has a time limit of its own. Others' software wants a number here."""
 
 
 def register_when_possible() -> None:
@@ -31,7 +33,12 @@ def _register() -> None:
 
     for name, (single, vector) in ENVS.items():
         if name not in registry:
-            register(name, entry_point=single, vector_entry_point=vector)
+            register(
+                name,
+                entry_point=single,
+                vector_entry_point=vector,
+                max_episode_steps=MAX_EPISODE_STEPS,
+            )
 
 
 class _GymnasiumFinder:

@@ -160,7 +160,6 @@ def train(
             config.num_envs,
             randomize=config.randomize and body is None,
             task_priority=config.task_priority,
-            seed=learner.seed,
             body=body,
         )
         return _train(config, learner, env, make_env, out, start, resumed, on_progress, start_time_s)
@@ -233,6 +232,7 @@ def env_maker(
         guidance=config.guidance,
         replanner=config.resolved_replanner(),
         task_pool=config.task_pool,
+        task_priority=0.0,
         encoder=config.encoder,
         reward_config=learner.reward,
         maturity=0.0 if learner.measures_maturity else learner.static_maturity,

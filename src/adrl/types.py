@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal, Protocol, get_args, runtime_checkable
+from typing import Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,13 @@ def _finite(owner: object, *names: str) -> None:
     for name in names:
         value = getattr(owner, name)
         _require(math.isfinite(value), f"{type(owner).__name__}.{name} is {value}; give a finite number")
+
+
+class _HasNative:
+    """Lays itself out for the core as `native`, on first use; a copy, which cannot have it, does so again."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {name: value for name, value in self.__dict__.items() if name != "native"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +98,7 @@ class LidarConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RobotConfig:
+class RobotConfig(_HasNative):
     """A differential-drive robot with a LiDAR. Give radius_m (a disc) or footprint_m (a convex polygon)."""
 
     name: str = "diffbot"
@@ -225,7 +232,7 @@ class OccupancyGrid:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class World:
+class World(_HasNative):
     """What exists: the LiDAR sees and the footprint hits this very geometry."""
 
     bounds: tuple[float, float, float, float]
@@ -303,7 +310,7 @@ def disc_centres(discs: Array, time_s: float) -> Array:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Task:
+class Task(_HasNative):
     """One episode: a world, where the robot starts and where it must go."""
 
     world: World

@@ -8,12 +8,14 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.utils.env_match import check_environments_match
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers.vector import RecordEpisodeStatistics
 
 import adrl
+from adrl.envs import NavEnv, NavVectorEnv
 from adrl.errors import ConfigError, UnknownName
 
 
@@ -54,11 +56,12 @@ def test_vector_env_follows_the_api() -> None:
     assert env.observation_space.shape[0] == env.action_space.shape[0] == env.num_envs == 5  # pyright: ignore
     observation, info = env.reset(seed=2)
     assert observation in env.observation_space
-    assert info == {}
+    assert not info["success"].any()
+    assert info["_success"].all()
     for _ in range(300):
         observation, rewards, terminated, truncated, info = env.step(env.action_space.sample())
         assert observation in env.observation_space
-        assert info["final_obs"] in env.observation_space
+        assert info["next_obs"] in env.observation_space
         assert rewards.shape == terminated.shape == truncated.shape == (5,)
         assert rewards.dtype == np.float32
         assert terminated.dtype == truncated.dtype == np.bool_
@@ -124,7 +127,69 @@ def test_bad_options_name_themselves(tmp_path: Path) -> None:
         gymnasium.make_vec(adrl.ENV_ID, num_envs=0)
     with pytest.raises(ConfigError, match="task_pool is 0"):
         gymnasium.make(adrl.ENV_ID, task_pool=0)
-    with pytest.raises(ConfigError, match="NextStep"):
-        gymnasium.make_vec(adrl.ENV_ID, autoreset_mode="NextStep")
+    with pytest.raises(UnknownName, match="did you mean 'NextStep'"):
+        gymnasium.make_vec(adrl.ENV_ID, autoreset_mode="next_step")
     with pytest.raises(UnknownName, match="unknown split"):
         gymnasium.make(adrl.ENV_ID, split="tset").reset(seed=0)
+    for make in (gymnasium.make, gymnasium.make_vec):
+        with pytest.raises(UnknownName, match="render_mode 'ansi'"):
+            make(adrl.ENV_ID, render_mode="ansi")
+    with pytest.raises(UnknownName, match="render_mode 'human'"):
+        gymnasium.make_vec(adrl.ENV_ID, render_mode="human")
+
+
+STILL = np.array([-1.0, 0.0], np.float32)
+
+
+@pytest.mark.parametrize("mode", list(AutoresetMode))
+def test_steps_before_the_first_reset_are_refused(mode: AutoresetMode) -> None:
+    env = NavVectorEnv(2, autoreset_mode=mode)
+    with pytest.raises(ResetNeeded, match=r"rows \[0, 1\] have no episode yet"):
+        env.step(np.tile(STILL, (2, 1)))
+    with pytest.raises(ResetNeeded, match="no episode yet"):
+        env.expert_actions()
+    env.reset(options={"reset_mask": np.array([True, False])})
+    with pytest.raises(ResetNeeded, match=r"rows \[1\] have no episode yet"):
+        env.step(np.tile(STILL, (2, 1)))
+    with pytest.raises(ResetNeeded):
+        NavEnv().step(STILL)
+
+
+def test_steps_after_the_end_are_refused() -> None:
+    """By the single environment, and where nothing resets by itself; a refused step changes nothing."""
+    single = NavEnv(max_episode_steps=2)
+    vector = NavVectorEnv(2, max_episode_steps=2, autoreset_mode="Disabled")
+    single.reset(seed=0)
+    vector.reset(seed=0)
+    for _ in range(2):
+        single.step(STILL)
+        vector.step(np.tile(STILL, (2, 1)))
+    vector.reset(options={"reset_mask": np.array([True, False])})
+    before = vector.state()
+    with pytest.raises(ResetNeeded, match=r"episodes of rows \[1\] have ended"):
+        vector.step(np.tile(STILL, (2, 1)))
+    assert all(np.array_equal(array, before[name]) for name, array in vector.state().items())
+    with pytest.raises(ResetNeeded, match="have ended"):
+        single.step(STILL)
+    single.reset()
+    single.step(STILL)
+
+
+@pytest.mark.parametrize(
+    "action", [np.zeros((2, 3)), np.zeros(4), np.array([[0.0, np.nan], [0.0, 0.0]]), np.full((2, 2), np.inf)]
+)
+def test_actions_that_are_none_are_refused(action: np.ndarray) -> None:
+    env = NavVectorEnv(2)
+    env.reset(seed=0)
+    with pytest.raises(InvalidAction, match="give"):
+        env.step(action.astype(np.float32))
+    assert np.isfinite(env.step(np.tile(STILL, (2, 1)))[0]).all()
+
+
+def test_infos_of_one_robot_are_plain() -> None:
+    env = NavEnv()
+    _, first = env.reset(seed=0)
+    *_, info = env.step(STILL)
+    for said in (first, info):
+        assert [said[name] is False for name in ("success", "is_success", "collision")] == [True] * 3
+        assert said["reward_terms"].shape == (6,)

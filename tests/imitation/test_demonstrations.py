@@ -33,7 +33,7 @@ def test_recording_is_what_the_environment_did(recorded: Demonstrations) -> None
         assert rows["observation"][:, t].tobytes() == observation.tobytes()
         assert rows["expert_action"][:, t].tobytes() == env.expert_actions().tobytes()
         observation, _, terminated, truncated, info = env.step(rows["action"][:, t])
-        assert rows["next_observation"][:, t].tobytes() == info["final_obs"].tobytes()
+        assert rows["next_observation"][:, t].tobytes() == info["next_obs"].tobytes()
         assert rows["reward_terms"][:, t].tobytes() == info["reward_terms"].tobytes()
         assert rows["features"][:, t].tobytes() == info["features"].tobytes()
         np.testing.assert_array_equal(rows["terminated"][:, t], terminated)

@@ -167,7 +167,7 @@ class _Run:
         observation, _, terminated, truncated, info = self.env.step(action)
         terms, features, maturity = info["reward_terms"], info["features"], self.learner.reward_maturity
         self.learner.replay.add(
-            self._observation, action, terms, features, info["final_obs"], terminated, truncated, maturity
+            self._observation, action, terms, features, info["next_obs"], terminated, truncated, maturity
         )
         rewards = reward(terms, features, maturity, self.config.reward)
         ended, gamma = terminated | truncated, self.config.td3.gamma

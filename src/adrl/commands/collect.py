@@ -104,7 +104,7 @@ def _from_simulator(options: CollectOptions) -> int:
         robot=options.robot,
         guidance=options.guidance,
         encoder=options.encoder,
-        seed=options.seed,
+        task_priority=0.0,
     )
     demonstrations = collect(env, options.steps, seed=options.seed)
     save_minari(demonstrations, options.out, Source.of(env, seed=options.seed))

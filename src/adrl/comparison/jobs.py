@@ -161,7 +161,6 @@ def train_baseline(
         config.num_envs,
         randomize=config.randomize,
         task_priority=config.task_priority,
-        seed=learner.seed,
     )
     about = replace(about_policy(config, robot, scenario, out), method=method)
     train_sb3(

@@ -7,9 +7,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
-from adrl.envs.render import Renderer
-from adrl.envs.vector_env import RENDER_FPS, NavVectorEnv
-from adrl.rewards import reward_terms
+from adrl.envs.render import Renderer, has_window
+from adrl.envs.vector_env import RENDER_FPS, RESULTS, NavVectorEnv
+from adrl.errors import MissingExtra, UnknownName
 
 F32 = NDArray[np.float32]
 
@@ -18,43 +18,39 @@ class NavEnv(gymnasium.Env[F32, F32]):
     """A vector environment of one robot, without its leading axis. Takes NavVectorEnv's keyword arguments."""
 
     # Gymnasium declares metadata per instance, and reads it from the class.
-    metadata: dict[str, Any] = {"render_modes": ["human", "rgb_array"], "render_fps": RENDER_FPS}  # noqa: RUF012
+    metadata: dict[str, Any] = {  # noqa: RUF012
+        "render_modes": ["human", "rgb_array"] if has_window() else ["rgb_array"],
+        "render_fps": RENDER_FPS,
+    }
 
-    def __init__(self, render_mode: str | None = None, **kwargs: Any) -> None:
+    def __init__(self, render_mode: str | None = None, *, seed: int | None = None, **kwargs: Any) -> None:
+        modes = self.metadata["render_modes"]
+        if render_mode == "human" and "human" not in modes:
+            raise MissingExtra("render_mode 'human' needs pygame: pip install 'adrl[render]'")
+        if render_mode not in (None, *modes):
+            raise UnknownName("render_mode", str(render_mode), modes)
         self._env = NavVectorEnv(1, autoreset_mode=AutoresetMode.DISABLED, **kwargs)
         self.observation_space = self._env.single_observation_space
         self.action_space = self._env.single_action_space
         self.render_mode = render_mode
         self._renderer = Renderer() if render_mode is not None else None
+        super().reset(seed=seed)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[F32, dict[str, Any]]:
         """Start a new episode. Returns the (D,) observation, and info with a step's entries, all zero."""
         super().reset(seed=seed)
-        observation, _ = self._env.reset(seed=seed, options=options)
+        self._env.np_random = (self.np_random,)
+        observation, info = self._env.reset()
         self._show()
-        # Recorders such as minari.DataCollector need the same entries from reset() and step().
-        info: dict[str, Any] = {
-            "reward_terms": np.zeros(len(reward_terms(self._env.sim.reward)), dtype=np.float32),
-            "features": np.zeros(len(self._env.sim.reward.features()), dtype=np.float32),
-            "success": np.False_,
-            "collision": np.False_,
-        }
-        return observation[0], info
+        return observation[0], _own(info)
 
     def step(self, action: F32) -> tuple[F32, float, bool, bool, dict[str, Any]]:
         """Execute the (2,) action for one control period."""
         observation, rewards, terminated, truncated, info = self._env.step(np.asarray(action)[None])
         self._show()
-        del info["final_obs"]
-        return (
-            observation[0],
-            float(rewards[0]),
-            bool(terminated[0]),
-            bool(truncated[0]),
-            {name: value[0] for name, value in info.items()},
-        )
+        return observation[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _own(info)
 
     def expert_action(self) -> F32:
         """(2,) action of A*+DWA, which knows everything, in the current state."""
@@ -74,3 +70,9 @@ class NavEnv(gymnasium.Env[F32, F32]):
     def _show(self) -> None:
         if self.render_mode == "human" and self._renderer is not None:
             self._renderer.show(self._env.sim, 0, RENDER_FPS)
+
+
+def _own(info: dict[str, NDArray[Any]]) -> dict[str, Any]:
+    """The only row's results: arrays, and plain booleans, which is what others' callbacks and loggers take."""
+    values = {name: info[name][0] for name in RESULTS}
+    return {name: bool(value) if value.ndim == 0 else value for name, value in values.items()}

@@ -1,5 +1,6 @@
 """Pictures of a robot in its world, from above."""
 
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -52,6 +53,11 @@ class View:
         return np.stack(np.meshgrid(x, y), axis=-1)
 
 
+def has_window() -> bool:
+    """Whether pygame is there to show one."""
+    return find_spec("pygame") is not None
+
+
 class Renderer:
     """Draws robots of a NavSim. Keeps the last world's picture, which does not change during an episode."""
 
@@ -59,6 +65,9 @@ class Renderer:
         self._world: World | None = None
         self._background: Image.Image | None = None
         self._window: Any = None
+
+    def __reduce__(self) -> tuple[type["Renderer"], tuple[()]]:
+        return Renderer, ()  # a copy draws by itself, in no window yet
 
     def draw(self, sim: "NavSim", index: int) -> NDArray[np.uint8]:
         """(H, W, 3) picture of robot `index` with its scan, path and goal; empty before the first reset."""

@@ -1,54 +1,44 @@
 """Gymnasium vector environment over the batch simulator."""
 
-from collections.abc import Mapping, Sequence
+import functools
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from adrl.envs.nav_sim import Body, NavSim
+from adrl.envs.nav_sim import Body, NavSim, Outcome
 from adrl.envs.randomization import MILD, NOMINAL, Randomization
 from adrl.envs.render import Renderer
-from adrl.errors import ConfigError
+from adrl.envs.task_draws import Generator, Seeds, TaskDraws, TaskPool
+from adrl.errors import ConfigError, UnknownName
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
-from adrl.rewards import RewardConfig, reward
-from adrl.types import ACTION_SIZE, RobotConfig, Scenario, Task
-from adrl.worlds import get_scenario, load_robot, robot_from_fields, task_set
+from adrl.rewards import RewardConfig, reward, reward_terms
+from adrl.types import ACTION_SIZE, RobotConfig, Scenario
+from adrl.worlds import get_scenario, load_robot, robot_from_fields
 
 F32 = NDArray[np.float32]
+Mask = NDArray[np.bool_]
 
 RENDER_FPS = 10
-FAILURE_GAIN = 0.3
-"""Weight of a task's latest episode in its failure rate."""
-
-
-class TaskPool:
-    """The first `size` tasks of a split, each made when it is first asked for."""
-
-    def __init__(self, scenario: Scenario, robot: RobotConfig, split: str, size: int) -> None:
-        if size < 1:
-            raise ConfigError(f"task_pool is {size}; give 1 or more")
-        self.size = size
-        self._scenario, self._robot, self._split = scenario, robot, split
-        self._tasks: dict[int, Task] = {}
-
-    def __getitem__(self, index: int) -> Task:
-        """Task `index` of the split."""
-        if index not in self._tasks:
-            self._tasks[index] = task_set(self._scenario, self._robot, self._split, 1, first=index)[0]
-        return self._tasks[index]
 
 
 class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
     """N robots on tasks drawn from a scenario. Arrival and collision terminate, the time limit truncates.
 
     Observations (N, D) float32, see ObservationEncoder; actions (N, 2) float32 in [-1, 1]: speed, yaw rate.
-    info: reward_terms (N, R), features (N, F), success, collision (N,) and final_obs (N, D), the true
-    successor of every row, which differs from the observation where an episode has ended and another begun.
+    info: reward_terms (N, R), features (N, F), success, is_success (the same), collision (N,), of the step that was
+    made. Masks, final_obs and final_info are those of Gymnasium's own vector environments; SameStep adds next_obs
+    (N, D), the true successor of every row, which differs from the observation where another episode has begun.
+    Row i of reset(seed=s) lives as NavEnv does after reset(seed=s + i), in every autoreset mode.
+
+    It pickles and copies, in the middle of an episode too. reset() and step() raise Gymnasium's ResetNeeded and
+    InvalidAction, and ConfigError.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012
@@ -66,36 +56,44 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         guidance: str = "goal",
         split: str = "train",
         task_pool: int = 512,
-        task_priority: float = 0.0,
+        task_priority: float | None = None,
         randomize: bool | Randomization = True,
         encoder: EncoderConfig | Mapping[str, Any] | None = None,
         reward_config: RewardConfig | None = None,
         replanner: ReplannerConfig | None = None,
         maturity: float = 0.5,
-        seed: int = 0,
+        max_episode_steps: int | None = None,
+        seed: int | None = None,
         num_threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
         render_mode: str | None = None,
         body: Body | None = None,
     ) -> None:
         """split, task_pool: tasks are drawn from the first `task_pool` ones of the split.
-        task_priority: chances are 0.1 + task_priority * the task's failure rate; 0 draws all alike.
+        task_priority: None has each row draw by itself; a number draws for all rows from one stream of random
+        numbers, with chances 0.1 + task_priority * the task's failure rate, 0 for all alike.
 
         robot, encoder: also as their fields, as JSON gives them.
         randomize: False for the nominal robot, True for mild variation, or a Randomization.
         replanner: constants of guidance `replan`.
         maturity: S at first; see the property.
-        seed: used until reset(seed=...) gives another. num_threads: 0 takes one per core.
-        autoreset_mode: SAME_STEP, or DISABLED to reset with options={"reset_mask": mask}.
+        max_episode_steps: truncates episodes whose task gives more time.
+        seed: of the first reset if that gives none; None for entropy. num_threads: 0 takes one per core.
+        autoreset_mode: SameStep, NextStep, or Disabled to reset with options={"reset_mask": mask}.
         body: moves and senses the robots instead of our simulator, as they are: randomize must be False.
         """
         if num_envs < 1:
             raise ConfigError(f"num_envs is {num_envs}; give 1 or more")
+        if max_episode_steps is not None and max_episode_steps < 1:
+            raise ConfigError(f"max_episode_steps is {max_episode_steps}; give 1 or more")
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise UnknownName("render_mode", str(render_mode), self.metadata["render_modes"])
         self.num_envs = num_envs
         self.robot = robot_from_fields(robot) if isinstance(robot, Mapping) else load_robot(robot)
         self.scenario = get_scenario(scenario)
         randomization = {True: MILD, False: NOMINAL}[randomize] if isinstance(randomize, bool) else randomize
-        self.sim = NavSim(
+        self._make_sim = functools.partial(
+            NavSim,
             num_envs,
             self.robot,
             guidance=guidance,
@@ -103,23 +101,24 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             encoder=EncoderConfig(**encoder) if isinstance(encoder, Mapping) else encoder,
             reward=reward_config,
             replanner=replanner,
-            maturity=maturity,
             num_threads=num_threads,
             body=body,
         )
+        self.sim = self._make_sim(maturity=maturity)
         self._maturity = maturity
-        if not 0.0 <= task_priority <= 1000.0:
-            raise ConfigError(f"task_priority is {task_priority}; give 0 to 1000")
+        steps = np.inf if max_episode_steps is None else max_episode_steps
+        self._cut_s = steps * self.robot.control_period_s
         self._pool = TaskPool(self.scenario, self.robot, split, task_pool)
-        self._priority = task_priority
-        # As if all had failed so far: a task that nobody has tried is worth a try.
-        self._failure_rate = np.ones(task_pool)
-        self._autoreset = AutoresetMode(autoreset_mode)
-        if self._autoreset is AutoresetMode.NEXT_STEP:
-            raise ConfigError("autoreset_mode NextStep is not offered; take SameStep or Disabled")
-        self.metadata = self.metadata | {"autoreset_mode": self._autoreset}
-        self._rng = np.random.Generator(np.random.PCG64(seed))
-        self._task_index = np.zeros(num_envs, dtype=np.int64)
+        self._draws = TaskDraws(num_envs, task_pool, task_priority)
+        if seed is not None:
+            self._draws.seed(seed, np.arange(num_envs))
+        try:
+            self.autoreset_mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            modes = [mode.value for mode in AutoresetMode]
+            raise UnknownName("autoreset_mode", str(autoreset_mode), modes) from None
+        self.metadata = self.metadata | {"autoreset_mode": self.autoreset_mode}
+        self._task_index = np.full(num_envs, NEVER, dtype=np.int64)
         size, limit = self.sim.encoder.size, self.sim.encoder.limit
         self.single_observation_space = spaces.Box(-limit, limit, (size,), np.float32)
         self.single_action_space = spaces.Box(-1.0, 1.0, (ACTION_SIZE,), np.float32)
@@ -140,50 +139,72 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         if self.sim.replanner is not None:
             self.sim.replanner.maturity = value
 
-    def reset(
-        self, *, seed: int | Sequence[int] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[F32, dict[str, Any]]:
-        """Start new episodes: all, or those of options["reset_mask"] (N,) bool. Returns (N, D), info."""
-        if seed is not None:
-            self._rng = np.random.Generator(np.random.PCG64(seed))
-            self._failure_rate[:] = 1.0
-        mask = (options or {}).get("reset_mask")
-        indices = np.arange(self.num_envs) if mask is None else np.flatnonzero(mask)
-        self._begin(indices)
-        return self.sim.observe(), {}
+    @property
+    def np_random(self) -> tuple[Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """What tasks, noise and robots are drawn with: a generator a row, or one for all with task_priority."""
+        return self._draws.streams
 
-    def step(self, actions: F32) -> tuple[F32, F32, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Execute (N, 2) actions for one control period. Returns obs, reward, terminated, truncated, info."""
-        outcome = self.sim.step(np.asarray(actions, dtype=np.float32).reshape(self.num_envs, 2))
+    @np_random.setter
+    def np_random(self, value: tuple[Generator, ...]) -> None:  # pyright: ignore[reportIncompatibleMethodOverride]
+        self._draws.streams = value
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
+        """The seed of each generator; -1 for one that was set."""
+        return self._draws.seeds
+
+    def reset(
+        self, *, seed: Seeds = None, options: dict[str, Any] | None = None
+    ) -> tuple[F32, dict[str, Any]]:
+        """Start new episodes: all, or those of options["reset_mask"] (N,) bool. Returns (N, D), info.
+
+        seed: s, of which row i takes s + i; or one a row, None for those that go on drawing.
+        """
+        mask = self._reset_mask(options or {})
+        rows = np.flatnonzero(mask)
+        if seed is not None:
+            self._draws.seed(seed, rows)
+        self._begin(rows)
+        return self.sim.observe(), _of_rows(self._nothing(), mask)
+
+    def step(self, actions: F32) -> tuple[F32, F32, Mask, Mask, dict[str, Any]]:
+        """Execute (N, 2) actions for one control period. Returns obs, reward, terminated, truncated, info.
+
+        In mode NextStep a row whose episode has ended begins another instead, whatever its action, for reward 0.
+        """
+        actions = self._sound(actions)
+        resting = self._resting()
+        outcome = self.sim.step(actions)
         terminated = outcome.reached | outcome.collided
         truncated = outcome.timed_out
         if self.sim.reward.eq8 == "literal":
             # A timeout is a failure there: it is paid for, and nothing comes after it.
             terminated, truncated = terminated | truncated, np.zeros_like(truncated)
-        observation = self.sim.observe()
-        info = {
-            "reward_terms": outcome.reward_terms,
-            "features": outcome.features,
-            "success": outcome.reached,
-            "collision": outcome.collided,
-            "final_obs": observation,
-        }
+        truncated |= ~terminated & (self.sim.b["time"] >= self._cut_s - 1e-6)
+        info = _results(outcome)
+        rewards = np.asarray(
+            reward(outcome.reward_terms, outcome.features, self._maturity, self.sim.reward), dtype=np.float32
+        )
+        if resting.any():
+            self._begin(np.flatnonzero(resting))
+            for values in (terminated, truncated, rewards, *info.values()):
+                values[resting] = 0
         ended = terminated | truncated
-        if ended.any():
-            for i in np.flatnonzero(ended):  # one by one: several robots may have driven the same task
-                task = self._task_index[i]
-                self._failure_rate[task] += FAILURE_GAIN * (
-                    float(~outcome.reached[i]) - self._failure_rate[task]
-                )
-        if self._autoreset is AutoresetMode.SAME_STEP and ended.any():
-            info["_final_obs"] = ended
-            self._begin(np.flatnonzero(ended))
-            observation = self.sim.observe()
-        rewards = reward(outcome.reward_terms, outcome.features, self._maturity, self.sim.reward)
-        return observation, np.asarray(rewards, dtype=np.float32), terminated, truncated, info
+        self._draws.learn(self._task_index[ended], outcome.reached[ended])
+        self.sim.b["active"][ended] = 0
+        observation = self.sim.observe()
+        info = _of_rows(info, np.ones(self.num_envs, dtype=bool))
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            info |= {"next_obs": observation.copy(), "_next_obs": np.ones(self.num_envs, dtype=bool)}
+            if ended.any():
+                info |= _final(observation, {name: info[name] for name in RESULTS}, ended)
+                self._begin(np.flatnonzero(ended))
+                observation = self.sim.observe()
+        return observation, rewards, terminated, truncated, info
 
     def expert_actions(self) -> F32:
         """(N, 2) actions of A*+DWA, which knows everything, in the current states."""
+        self._check_begun()
         return self.sim.expert_actions()
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
@@ -192,48 +213,111 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             return None
         return tuple(self._renderer.draw(self.sim, i) for i in range(self.num_envs))
 
-    def close_extras(self, **kwargs: Any) -> None:
-        """Close the window, if any."""
-        if self._renderer is not None:
-            self._renderer.close()
-
     def state(self) -> dict[str, NDArray[Any]]:
         """Copies of all that changes, as arrays: with the constructor's arguments, enough to resume."""
-        own = {"task_index": self._task_index.copy(), "failure_rate": self._failure_rate.copy()}
-        return self.sim.state() | own | {"rng": _pack(self._rng)}
+        return self.sim.state() | self._draws.state() | {"task_index": self._task_index.copy()}
 
     def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Continue from what state() returned."""
         self._task_index[:] = state["task_index"]
-        self._failure_rate[:] = state["failure_rate"]
-        _unpack(self._rng, state["rng"])
-        self.sim.set_state(state, [self._pool[int(i)] for i in self._task_index])
+        self._draws.set_state(state)
+        self._set_sim_state(state)
 
-    def _begin(self, indices: NDArray[np.intp]) -> None:
-        if self._priority == 0.0:
-            chosen = self._rng.integers(self._pool.size, size=len(indices))
-        else:
-            chance = 0.1 + self._priority * self._failure_rate
-            chosen = self._rng.choice(self._pool.size, size=len(indices), p=chance / chance.sum())
-        seeds = self._rng.integers(2**63, size=len(indices), dtype=np.uint64)
-        self._task_index[indices] = chosen
-        self.sim.reset(indices, [self._pool[int(i)] for i in chosen], seeds, self._rng)
+    def __getstate__(self) -> dict[str, Any]:
+        if self.sim.body is not None:
+            raise ConfigError("robots that another program moves cannot be copied; make a new environment")
+        return self.__dict__ | {"sim": self.sim.state()}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.sim = self._make_sim(maturity=self._maturity)
+        self._set_sim_state(state["sim"])
+
+    def _set_sim_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        tasks = [None if i == NEVER else self._pool[int(i)] for i in self._task_index]
+        self.sim.set_state(state, tasks)
+
+    def _begin(self, rows: NDArray[np.intp]) -> None:
+        draw = self._draws.draw(rows)
+        self._task_index[rows] = draw.task
+        self.sim.reset(rows, [self._pool[int(i)] for i in draw.task], draw.noise_seed, draw.params)
+
+    def _reset_mask(self, options: Mapping[str, Any]) -> Mask:
+        mask = options.get("reset_mask")
+        if mask is None:
+            return np.ones(self.num_envs, dtype=bool)
+        mask = np.asarray(mask)
+        if mask.shape != (self.num_envs,) or mask.dtype != np.bool_ or not mask.any():
+            raise ConfigError(f"reset_mask is {mask}; give {self.num_envs} booleans, one of them true")
+        return mask
+
+    def _sound(self, actions: F32) -> F32:
+        """(N, 2) the actions, which are numbers."""
+        actions = np.asarray(actions, dtype=np.float32)
+        if actions.shape != (self.num_envs, ACTION_SIZE):
+            raise InvalidAction(f"actions have shape {actions.shape}; give {(self.num_envs, ACTION_SIZE)}")
+        if not np.isfinite(actions).all():
+            rows = np.flatnonzero(~np.isfinite(actions).all(axis=1)).tolist()
+            raise InvalidAction(f"actions of rows {rows} are not finite; give numbers in [-1, 1]")
+        return actions
+
+    def _resting(self) -> Mask:
+        """(N,) rows whose episode has ended and none has begun."""
+        self._check_begun()
+        resting = self.sim.b["active"] == 0
+        if self.autoreset_mode is AutoresetMode.DISABLED and resting.any():
+            rows = np.flatnonzero(resting).tolist()
+            raise ResetNeeded(f"the episodes of rows {rows} have ended; reset() them before the next step()")
+        return resting
+
+    def _check_begun(self) -> None:
+        if (self._task_index == NEVER).any():
+            rows = np.flatnonzero(self._task_index == NEVER).tolist()
+            raise ResetNeeded(f"rows {rows} have no episode yet; call reset() first")
+
+    def _nothing(self) -> dict[str, NDArray[Any]]:
+        """A step's results, all zero: of rows that have just begun."""
+        n, count = self.num_envs, len(reward_terms(self.sim.reward))
+        arrays = [
+            np.zeros((n, count), np.float32),
+            np.zeros((n, len(self.sim.reward.features())), np.float32),
+        ]
+        return dict(zip(RESULTS, arrays + [np.zeros(n, dtype=bool) for _ in range(3)], strict=True))
 
 
-def _pack(rng: np.random.Generator) -> NDArray[np.uint64]:
-    """(6,) the state of a PCG64 generator: two 128-bit numbers as halves, and the buffered 32 bits."""
-    state = rng.bit_generator.state
-    low = (1 << 64) - 1
-    numbers = [state["state"]["state"], state["state"]["inc"]]
-    words = [half for number in numbers for half in (number & low, number >> 64)]
-    return np.array([*words, state["has_uint32"], state["uinteger"]], dtype=np.uint64)
+NEVER = -1
+"""Number of the task of a row that no reset() has begun."""
+RESULTS = ("reward_terms", "features", "success", "is_success", "collision")
+"""What info says of a step, and of a reset, so that recorders such as minari.DataCollector find the same entries."""
 
 
-def _unpack(rng: np.random.Generator, words: NDArray[np.uint64]) -> None:
-    w = [int(x) for x in words]
-    rng.bit_generator.state = {
-        "bit_generator": "PCG64",
-        "state": {"state": w[0] | w[1] << 64, "inc": w[2] | w[3] << 64},
-        "has_uint32": w[4],
-        "uinteger": w[5],
+def _results(outcome: Outcome) -> dict[str, NDArray[Any]]:
+    arrays = (
+        outcome.reward_terms,
+        outcome.features,
+        outcome.reached,
+        outcome.reached.copy(),  # Stable-Baselines3's name for it
+        outcome.collided,
+    )
+    return dict(zip(RESULTS, arrays, strict=True))
+
+
+def _of_rows(info: Mapping[str, NDArray[Any]], rows: Mask) -> dict[str, NDArray[Any]]:
+    """The entries, each with the mask of the rows that have it; as VectorEnv._add_info gives them."""
+    return dict(info) | {f"_{name}": rows.copy() for name in info}
+
+
+def _final(observation: F32, info: Mapping[str, NDArray[Any]], ended: Mask) -> dict[str, Any]:
+    """What rows saw last and what came of their last step, as Gymnasium's own vector environments tell it."""
+    final_obs = np.full(len(ended), None, dtype=object)
+    for i in np.flatnonzero(ended):
+        final_obs[i] = observation[i].copy()
+    zeroed = {name: np.zeros_like(value) for name, value in info.items()}
+    for name, value in info.items():
+        zeroed[name][ended] = value[ended]
+    return {
+        "final_obs": final_obs,
+        "_final_obs": ended.copy(),
+        "final_info": _of_rows(zeroed, ended),
+        "_final_info": ended.copy(),
     }

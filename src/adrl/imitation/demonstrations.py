@@ -156,7 +156,7 @@ def collect(
             "observation": observation,
             "action": action,
             "expert_action": label,
-            "next_observation": info["final_obs"],
+            "next_observation": info["next_obs"],
             "terminated": terminated,
             "truncated": truncated,
         }

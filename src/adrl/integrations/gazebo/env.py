@@ -22,7 +22,6 @@ class GazeboVectorEnv(NavVectorEnv):
         *,
         world: str | Path | Scenario = "clutter",
         robot: Robot = "diffbot",
-        seed: int = 0,
         **kwargs: Any,
     ) -> None:
         """world: a scenario's name, the file of a Gazebo world or of a ROS map (.yaml), or a scenario.
@@ -30,7 +29,7 @@ class GazeboVectorEnv(NavVectorEnv):
         kwargs: of NavVectorEnv, but scenario, randomize and body. Raises MissingExtra where Gazebo is not set up.
         """
         place, config = _place(world), _config(robot)
-        self._gazebo = Gazebo(config, num_envs, seed=seed)
+        self._gazebo = Gazebo(config, num_envs)
         try:
             super().__init__(
                 num_envs,
@@ -38,7 +37,6 @@ class GazeboVectorEnv(NavVectorEnv):
                 robot=config,
                 randomize=False,
                 body=self._gazebo,
-                seed=seed,
                 **kwargs,
             )
         except BaseException:
@@ -47,7 +45,6 @@ class GazeboVectorEnv(NavVectorEnv):
 
     def close_extras(self, **kwargs: Any) -> None:
         """End Gazebo."""
-        super().close_extras(**kwargs)
         self._gazebo.close()
 
 
@@ -64,7 +61,7 @@ class GazeboEnv(NavEnv):
     ) -> None:
         """As GazeboVectorEnv."""
         place, config = _place(world), _config(robot)
-        self._gazebo = Gazebo(config, seed=kwargs.get("seed", 0))
+        self._gazebo = Gazebo(config)
         try:
             super().__init__(
                 render_mode, scenario=place, robot=config, randomize=False, body=self._gazebo, **kwargs
