@@ -177,6 +177,7 @@ void motion_cue_many(const MotionCue &cue, const In<float, nb::shape<-1, -1>> &r
 
 void bind_batch_sim(nb::module_ &m);
 void bind_braking(nb::module_ &m);
+void bind_misfit(nb::module_ &m);
 void bind_replanner(nb::module_ &m);
 
 NB_MODULE(_core, m) {
@@ -203,5 +204,6 @@ NB_MODULE(_core, m) {
              nb::arg("past_ranges").noconvert(), nb::arg("past_poses").noconvert(), nb::arg("out").noconvert());
     bind_batch_sim(m);
     bind_braking(m);
+    bind_misfit(m);
     bind_replanner(m);
 }

@@ -170,6 +170,16 @@ class Braking:
         """Whether the robot, at the origin, executes the orders and then brakes without coming nearer to a hit (x, y,
         margin), rows of (M, 3), than its margin, or than it is where that is less. Hits inside it are passed over."""
 
+Fan = tuple[float, float, float]
+"""First angle (rad), angle from beam to beam (rad), greatest range (m)."""
+
+def misfits(
+    seen: F64, seen_fan: Fan, surface: F64, surface_fan: Fan, motions: F64, scale_m: float, stride: int = 1
+) -> F64:
+    """(M, 2) for each pose (M, 3) of the sensor of `seen` in the frame of that of `surface`: how badly what one scan
+    hit lies on what the other hit, 0 to 1, and how many points were compared; see misfit.hpp. Ranges: infinity for
+    nothing within reach, NaN for a beam that tells nothing."""
+
 class Evidence:
     """Log-odds of the robots' own maps: a cell above 0 is solid, 0 has never been seen. -127 to 127."""
 

@@ -21,6 +21,7 @@ Reason = Literal[
     "scan_invalid",
     "scan_sparse",
     "scan_frozen",
+    "mount",
     "no_odometry",
     "odometry_stale",
     "odometry_invalid",
@@ -30,12 +31,18 @@ Reason = Literal[
     "clock_jumped",
     "command_invalid",
     "command_late",
+    "scan_late",
+    "scan_empty",
+    "odometry_late",
+    "base_late",
+    "odometry_contradicts",
     "limited",
     "unseen",
     "obstacle",
     "recovering",
 ]
-"""Why a command is not the one asked for; docs/how-to/robot.md explains each. All but the last four stop the robot."""
+"""Why a command is not the one asked for; docs/how-to/robot.md explains each. All but the last nine stop the robot, and
+scan_empty, when too little is left to drive by."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -6,16 +6,17 @@ It knows nothing of policies; any source of commands may be put behind it. Once 
     twist, reasons = supervisor.stop(now_s) if faults else supervisor.limit(wanted, now_s)
 """
 
-import bisect
 import logging
 import math
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
 from adrl import _core
+from adrl.deploy.alignment import Alignment
+from adrl.deploy.beams import BeamWatch
 from adrl.deploy.messages import Odometry, Pose, Reason, Scan, Twist
+from adrl.deploy.reckoning import STANDSTILL, Reckoning
 from adrl.deploy.surroundings import Surroundings
 from adrl.deploy.watch import SensorWatch
 from adrl.errors import ConfigError
@@ -31,13 +32,10 @@ GENTLE = 0.5
 """Part of the robot's greatest speeds that is gentle."""
 FREE_M = 0.03
 """A free way keeps so much more clearance than the braking check asks for; of what is nearer already, it leads away."""
-STANDSTILL: Twist = (0.0, 0.0)
-REMEMBERED_S = 1.0
-"""Commands of so long ago still count when odometry is asked whether it has moved."""
-OWED_M, OWED_RAD = 0.1, 0.2
-"""Odometry that has not changed while the base was told to move by so much is frozen, or the base is stuck."""
-OWN_M, OWN_RAD = 0.02, 0.03
-"""The same for the motion that the odometry's own twist promises."""
+CAUTIONS = frozenset[Reason](
+    ("scan_late", "odometry_late", "base_late", "scan_empty", "odometry_contradicts")
+)
+"""The robot drives on with these: what they name is reckoned with."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,11 +106,11 @@ class Supervisor:
         )
         response = (robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2, robot.lag_s)
         self._base = _core.Braking(robot.radius_m or 0.0, robot.polygon, response, self._period_s)
+        self._reckoning = Reckoning(robot, self._base, self._sensors.odometry)
+        self._alignment = Alignment(robot, mount, zero_is_free=zero_is_free)
+        self._beams = BeamWatch(mount, zero_is_free=zero_is_free)
         self._told: tuple[str, ...] = ()
         self._now_s = -math.inf
-        self._commands: deque[tuple[float, Twist]] = deque()
-        """When each command was sent, and what."""
-        self._unchanged_since: Odometry | None = None
         self._looked_s = -math.inf
         """Stamp of the last scan whose hits the surroundings hold."""
 
@@ -121,18 +119,35 @@ class Supervisor:
         if not math.isfinite(now_s):
             return ("clock_jumped",)
         back = now_s < self._now_s
-        if back:  # the base goes on with what it was told last
-            last = self._commands[-1][1] if self._commands else STANDSTILL
-            self._commands = deque([(now_s - self.robot.latency_s, last)])
-            self._unchanged_since = None
         self._now_s = now_s
         faults = self._sensors.take(scan, odometry, now_s)
+        if back:
+            self._reckoning.go_back(now_s)
         if back or "odometry_jumped" in faults:
-            self._surroundings.forget()
+            for memory in (self._surroundings, self._alignment, self._beams):
+                memory.forget()
             self._looked_s = -math.inf
-        if "scan_frozen" not in faults:
-            self._look()
-        return (*faults, "odometry_frozen") if self._odometry_frozen() else faults
+        self._reckoning.hear()
+        self._look()
+        doubts = self._sensors.doubts()
+        if doubts and self._beams.empty:
+            doubts = ("scan_empty",)
+        faults = (*faults, *doubts, *self._alignment.reasons(now_s))
+        if self._reckoning.is_frozen():
+            faults = (*faults, "odometry_frozen")
+        return tuple(dict.fromkeys(faults))
+
+    @property
+    def cautions(self) -> tuple[Reason, ...]:
+        """What is wrong, and reckoned with: no reason to stop."""
+        told: dict[Reason, bool] = {
+            "scan_late": self._alignment.late_s > 0.0,
+            "odometry_late": self._alignment.late_s < 0.0,
+            "base_late": self._reckoning.base_late_s > 0.0,
+            "scan_empty": self._beams.empty,
+            "odometry_contradicts": self._sensors.twist_contradicts,
+        }
+        return tuple(reason for reason, holds in told.items() if holds)
 
     def newest(self) -> tuple[Scan, Odometry]:
         """What to drive by, after watch() found no fault."""
@@ -157,11 +172,10 @@ class Supervisor:
         """
         if not np.isfinite(wanted).all():
             return self.stop(now_s, ("command_invalid",))
-        _, odometry = self.newest()
-        pose, twist = self._base.roll(odometry.pose, odometry.twist, self._orders(odometry.stamp_s, now_s))
-        pending = self._orders(now_s, now_s + self.robot.latency_s)
+        pose, twist = self._reckoning.state_at(now_s)
+        pending = self._reckoning.orders(now_s, now_s + self._reckoning.latency_s)
         _, starting = self._base.roll((0.0, 0.0, 0.0), twist, pending)
-        reasons: list[Reason] = []
+        reasons = list(self.cautions)
         command = self._within_limits(wanted, starting)
         if math.dist(command, wanted) > 1e-6:
             reasons.append("limited")
@@ -199,18 +213,15 @@ class Supervisor:
     def _send(
         self, twist: Twist, reasons: tuple[Reason, ...], now_s: float
     ) -> tuple[Twist, tuple[Reason, ...]]:
-        if math.isfinite(now_s):
-            self._commands.append((now_s, twist))
-        oldest_s = now_s - REMEMBERED_S - self.robot.latency_s
-        while len(self._commands) > 1 and self._commands[1][0] < oldest_s:
-            self._commands.popleft()
+        self._reckoning.tell(twist, now_s)
         grave = tuple(reason for reason in reasons if reason != "limited")
         if grave != self._told:
             usual = not grave or set(grave) <= {"obstacle", "unseen"}
+            how = "driving on with" if CAUTIONS.issuperset(grave) else "held"
             LOG.log(
                 logging.INFO if usual else logging.WARNING,
                 "%s",
-                f"held: {', '.join(grave)}" if grave else "released",
+                f"{how}: {', '.join(grave)}" if grave else "released",
             )
             self._told = grave
         return twist, reasons
@@ -238,34 +249,9 @@ class Supervisor:
                 return False
         return True
 
-    def _orders(self, start_s: float, end_s: float) -> Array:
-        """(S, 3) what the base acts on from one time to another: speed, yaw rate, seconds."""
-        latency_s = self.robot.latency_s
-        begins = [sent_s + latency_s for sent_s, _ in self._commands] or [end_s]
-        rows = [(*STANDSTILL, min(begins[0], end_s) - start_s)]
-        for (_, twist), begin_s, until_s in zip(
-            self._commands, begins, [*begins[1:], math.inf], strict=False
-        ):
-            rows.append((*twist, min(until_s, end_s) - max(begin_s, start_s)))
-        return np.array([row for row in rows if row[2] > 1e-9]).reshape(-1, 3)
-
     def pose_at(self, time_s: float) -> Pose:
         """Where odometry says, or lets expect, the robot at a time of late; after watch() has seen odometry."""
-        known = self._sensors.odometry
-        if time_s >= known[-1].stamp_s:
-            orders = self._orders(known[-1].stamp_s, time_s)
-            return self._base.roll(known[-1].pose, known[-1].twist, orders)[0]
-        later = bisect.bisect_left([message.stamp_s for message in known], time_s)
-        if later == 0:  # older than all that is known
-            first = known[0]
-            pose, twist = np.array([first.pose], np.float64), np.array([first.twist], np.float64)
-            x, y, yaw = _core.integrate(pose, twist, time_s - first.stamp_s)[0].tolist()
-            return x, y, yaw
-        before, after = known[later - 1], known[later]
-        share = (time_s - before.stamp_s) / (after.stamp_s - before.stamp_s)
-        turn = math.remainder(after.pose[2] - before.pose[2], 2.0 * math.pi)
-        x, y = (a + share * (b - a) for a, b in zip(before.pose[:2], after.pose[:2], strict=True))
-        return x, y, before.pose[2] + share * turn
+        return self._reckoning.pose_at(time_s)
 
     def _look(self) -> None:
         """Remember what the newest scan shows, whoever drives and whatever else is wrong."""
@@ -273,21 +259,22 @@ class Supervisor:
         if scan is None or not self._sensors.odometry or scan.stamp_s == self._looked_s:
             return
         self._looked_s = scan.stamp_s
-        first = self.pose_at(scan.stamp_s)
-        last = self.pose_at(scan.stamp_s + scan.lasts_s) if scan.lasts_s > 0.0 else first
-        self._surroundings.take(scan, first, last)
+        late_s, last_alive = self._alignment.late_s, None
+        if not self._reckoning.is_frozen():
+            last_alive = self._alignment.take(scan, self.pose_at, self._reckoning.base_late_s)
+        if late_s != self._alignment.late_s:  # what is known was placed wrongly
+            self._beams.forget()
+        if last_alive is not None:
+            self._surroundings.forget()
+            self._remember(last_alive)
+        if self._alignment.reasons(self._now_s):
+            return
+        self._sensors.scan = self._beams.believable(scan, self.pose_at(scan.stamp_s - self._alignment.late_s))
+        self._remember(self._sensors.scan)
 
-    def _odometry_frozen(self) -> bool:
-        """Whether odometry stands still while it says itself that the robot moves, or the base was told to for long."""
-        if not self._sensors.odometry:
-            return False
-        newest, since = self._sensors.odometry[-1], self._unchanged_since
-        if since is None or (since.pose, since.twist) != (newest.pose, newest.twist):
-            self._unchanged_since = newest
-            return False
-        passed_s = newest.stamp_s - since.stamp_s
-        if abs(newest.twist[0]) * passed_s > OWN_M or abs(newest.twist[1]) * passed_s > OWN_RAD:
-            return True
-        orders = self._orders(max(since.stamp_s, newest.stamp_s - REMEMBERED_S), newest.stamp_s)
-        owed_m, owed_rad = np.abs(orders[:, :2]).T @ orders[:, 2]
-        return bool(owed_m > OWED_M or owed_rad > OWED_RAD)
+    def _remember(self, scan: Scan) -> None:
+        """What it shows, where the robot was then."""
+        taken_s = scan.stamp_s - self._alignment.late_s
+        first = self.pose_at(taken_s)
+        last = self.pose_at(taken_s + scan.lasts_s) if scan.lasts_s > 0.0 else first
+        self._surroundings.take(scan, first, last, clears=not self._alignment.doubtful)

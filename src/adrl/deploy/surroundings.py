@@ -47,8 +47,9 @@ class Surroundings:
         self._looking: tuple[Scan, Mask] | None = None
         """The last scan, and which of its beams tell of something else than the robot itself."""
 
-    def take(self, scan: Scan, first: Pose, last: Pose) -> None:
-        """A new scan; where the robot was when its first and its last beam were taken."""
+    def take(self, scan: Scan, first: Pose, last: Pose, *, clears: bool = True) -> None:
+        """A new scan; where the robot was when its first and its last beam were taken. clears: False for a scan under
+        suspicion, for which nothing that was known is given up."""
         ranges, told = readings(scan, zero_is_free=self._zero_is_free)
         too_near = (scan.ranges > 0.0) & (scan.ranges < scan.range_min_m)
         ranges = np.where(too_near, scan.ranges, ranges)
@@ -63,7 +64,7 @@ class Surroundings:
         hit = (told | too_near) & np.isfinite(ranges) & ~own
         clearance = self._margin_m + self._gap_rad(scan, told | too_near)[hit] * ranges[hit]
         self._former = self._newest[self._is_near(self._newest, last)]
-        self._lasting = self._untold(scan, outside & ~nearer, last)
+        self._lasting = self._untold(scan, outside & ~nearer & clears, last)
         turn = math.remainder(last[2] - first[2], 2.0 * math.pi)
         way = np.array([last[0] - first[0], last[1] - first[1], turn])
         poses = np.array(first)[:, None] + way[:, None] * np.linspace(0.0, 1.0, len(ranges))[hit]

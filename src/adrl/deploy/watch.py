@@ -1,5 +1,6 @@
 """Whether a robot's scan and odometry can be driven by: new enough, whole, and alive."""
 
+import dataclasses
 import math
 from collections import deque
 
@@ -7,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.deploy.lidar import readings
-from adrl.deploy.messages import Odometry, Pose, Reason, Scan
-from adrl.types import RobotConfig
+from adrl.deploy.messages import Odometry, Pose, Reason, Scan, Twist
+from adrl.types import Array, RobotConfig
 
 EARLY_PERIODS = 0.5
 """Stamps may be this much ahead of the clock: sensors have clocks of their own."""
@@ -22,6 +23,10 @@ IMPLAUSIBLE = 2.0
 """Odometry of more than so many times the robot's greatest speeds is a fault."""
 SLIP_M, SLIP_RAD = 0.1, 0.2
 """Odometry may jump by so much beyond what the robot can drive."""
+COMPARED_S = 1.0
+"""Time constant over which the odometry's twist is compared with its poses."""
+OFF_M, OFF_RAD, OFF_SHARE = 0.03, 0.06, 0.3
+"""The way that the twist says may differ by so much, and this share of it, from the way between the poses."""
 
 
 class SensorWatch:
@@ -42,6 +47,8 @@ class SensorWatch:
         self._largest_hole_rad = largest_hole_rad
         self._zero_is_free = zero_is_free
         self._now_s = -math.inf
+        self.odometry: deque[Odometry] = deque(maxlen=KEPT)
+        """With a twist that its poses do not contradict: see twist_contradicts."""
         self.forget()
 
     def forget(self) -> None:
@@ -49,7 +56,13 @@ class SensorWatch:
         self.scan: Scan | None = None
         self._last_beam_s = -math.inf
         """Of the scan, and no later than when it came: some drivers stamp the end."""
-        self.odometry: deque[Odometry] = deque(maxlen=KEPT)
+        self.odometry.clear()
+        self.twist_contradicts = False
+        """The odometry's own twist is not what its poses do; theirs is taken instead."""
+        self._off = np.zeros(2)
+        self._done = np.zeros(2)
+        """Of late, metres and radians: the way by the twist less that by the poses, and the way by the poses."""
+        self._said: Twist = (0.0, 0.0)
         self._content = b""
         self._first_seen_at: Pose | None = None
         self._frozen = False
@@ -68,10 +81,7 @@ class SensorWatch:
             faults += self._take_odometry(odometry)
         if scan is not None and scan.stamp_s <= now_s + early_s:
             faults += self._take_scan(scan)
-        faults += self._ages(now_s)
-        if self.scan is not None:
-            faults += self._doubts(self.scan)
-        return tuple(dict.fromkeys(faults))
+        return tuple(dict.fromkeys(faults + self._ages(now_s)))
 
     def _ages(self, now_s: float) -> list[Reason]:
         last = self.odometry[-1] if self.odometry else None
@@ -80,7 +90,7 @@ class SensorWatch:
         if self.scan is None:
             faults.append("no_scan")
         elif self._last_beam_s < oldest_s:
-            faults.append("scan_stale")
+            faults.append("scan_frozen" if self._frozen else "scan_stale")
         if last is None:
             faults.append("no_odometry")
         elif last.stamp_s < oldest_s:
@@ -97,8 +107,47 @@ class SensorWatch:
         if jumped:  # older poses are of another place
             self.odometry.clear()
             self._first_seen_at = None
-        self.odometry.append(odometry)
+            self._off, self._done = np.zeros(2), np.zeros(2)
+        self.odometry.append(self._by_its_poses(odometry))
         return ["odometry_jumped"] if jumped else []
+
+    def _by_its_poses(self, odometry: Odometry) -> Odometry:
+        """Odometry whose twist is that of its poses, if the two have contradicted each other of late."""
+        said, self._said = self._said, odometry.twist
+        last = self.odometry[-1] if self.odometry else odometry
+        if odometry.pose == last.pose:  # at rest, or frozen, which is another fault
+            return odometry
+        passed_s = odometry.stamp_s - last.stamp_s
+        done = np.array(_way(last.pose, odometry.pose))
+        fades = math.exp(-passed_s / COMPARED_S)
+        self._off = fades * self._off + 0.5 * passed_s * np.add(said, odometry.twist) - done
+        self._done = fades * self._done + np.abs(done)
+        bounds = np.array([OFF_M, OFF_RAD]) + OFF_SHARE * self._done
+        self.twist_contradicts = bool(
+            (np.abs(self._off) > (0.5 if self.twist_contradicts else 1.0) * bounds).any()
+        )
+        return (
+            dataclasses.replace(odometry, twist=self._driven(odometry))
+            if self.twist_contradicts
+            else odometry
+        )
+
+    def _driven(self, odometry: Odometry) -> Twist:
+        """Its twist by the poses of the last two control periods: the last one's mean, carried on by half of it."""
+        period_s = 0.9 * self.robot.control_period_s
+        twists: list[Array] = []
+        later = odometry
+        for earlier in reversed(self.odometry):
+            if later.stamp_s - earlier.stamp_s >= period_s:
+                twists.append(np.array(_way(earlier.pose, later.pose)) / (later.stamp_s - earlier.stamp_s))
+                later = earlier
+            if len(twists) == 2:
+                break
+        if not twists:
+            return odometry.twist
+        v, w = 1.5 * twists[0] - 0.5 * twists[-1] if len(twists) == 2 else twists[0]
+        fastest, turn = _fastest_mps(self.robot), self.robot.max_yaw_rate_radps
+        return float(np.clip(v, -fastest, fastest)), float(np.clip(w, -turn, turn))
 
     def _take_scan(self, scan: Scan) -> list[Reason]:
         about = (scan.angle_min_rad, scan.angle_increment_rad, scan.stamp_s)
@@ -110,28 +159,38 @@ class SensorWatch:
             return ["scan_invalid"]
         if self.scan is not None and scan.stamp_s <= self.scan.stamp_s:
             return []  # overtaken by a newer one
-        self.scan = scan
-        self._last_beam_s = min(scan.stamp_s + scan.lasts_s, self._now_s)
+        self._frozen = self._repeats(scan)
+        if not self._frozen:  # else it is an old one: the stamp is all that is new
+            self.scan = scan
+            self._last_beam_s = min(scan.stamp_s + scan.lasts_s, self._now_s)
+        return []
+
+    def _repeats(self, scan: Scan) -> bool:
+        """Whether its ranges are those of the last one, though the robot has moved."""
         content = scan.ranges.tobytes()
         here = self.odometry[-1].pose if self.odometry else None
         if content != self._content or self._first_seen_at is None or here is None:
-            self._content, self._first_seen_at, self._frozen = content, here, False
-        else:
-            moved_m, turned_rad = moved(self._first_seen_at, here)
-            self._frozen = moved_m > MOVED_M or turned_rad > MOVED_RAD
-        return []
+            self._content, self._first_seen_at = content, here
+            return False
+        moved_m, turned_rad = moved(self._first_seen_at, here)
+        if moved_m <= MOVED_M and turned_rad <= MOVED_RAD:
+            return False
+        # Where nothing is in reach, scans are alike.
+        return bool(np.isfinite(readings(scan, zero_is_free=self._zero_is_free)[0]).any())
 
-    def _doubts(self, scan: Scan) -> list[Reason]:
-        """What is wrong with the scan itself."""
-        ranges, told = readings(scan, zero_is_free=self._zero_is_free)
+    def doubts(self) -> tuple[Reason, ...]:
+        """What is wrong with the newest scan itself."""
+        if self.scan is None:
+            return ()
+        scan = self.scan
+        _, told = readings(scan, zero_is_free=self._zero_is_free)
         if not told.any():
-            return ["scan_invalid"]
+            return ("scan_invalid",)
         told_rad = np.count_nonzero(told) * abs(scan.angle_increment_rad)
         needed_rad = self._least_told * self.robot.lidar.fov_rad
         if told_rad < needed_rad or widest_hole_rad(scan, told) > self._largest_hole_rad:
-            return ["scan_sparse"]
-        # Where nothing is in reach, scans are alike.
-        return ["scan_frozen"] if self._frozen and np.isfinite(ranges).any() else []
+            return ("scan_sparse",)
+        return ()
 
 
 def sees_all_round(scan: Scan) -> bool:
@@ -167,6 +226,14 @@ def has_jumped(robot: RobotConfig, last: Odometry, new: Odometry) -> bool:
 
 def _fastest_mps(robot: RobotConfig) -> float:
     return max(robot.max_speed_mps, -robot.min_speed_mps)
+
+
+def _way(before: Pose, after: Pose) -> Twist:
+    """Metres ahead and radians that a robot has driven from one pose to the next."""
+    turn = math.remainder(after[2] - before[2], 2.0 * math.pi)
+    heading = before[2] + 0.5 * turn
+    dx, dy = after[0] - before[0], after[1] - before[1]
+    return math.cos(heading) * dx + math.sin(heading) * dy, turn
 
 
 def moved(before: Pose, after: Pose) -> tuple[float, float]:
