@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from adrl import files
+from adrl.benchmarks import fault_drives
 from adrl.benchmarks.act import bench_act, bench_runtime
+from adrl.benchmarks.faults import FAULTS
 from adrl.benchmarks.plan import bench_dwa, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.commands.options import Runner, parse, subcommand
@@ -65,6 +67,24 @@ class ActOptions:
     """a shipped policy (adrl list), or a run folder."""
     steps: int = 5000
     """Control steps to time, of each guidance."""
+    json: Path | None = None
+    """File for the results."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FaultOptions:
+    """Robots behind their supervisors, driving while something is wrong."""
+
+    fault: tuple[str, ...] = ()
+    """Only the faults whose names hold one of these; all when none is given."""
+    robot: tuple[str, ...] = fault_drives.ROBOT_NAMES
+    """Robots by name (adrl list), or TOML files."""
+    scenario: tuple[str, ...] = fault_drives.SCENARIOS
+    """Scenarios by name (adrl list)."""
+    tasks: int = 1
+    """Test tasks of each scenario."""
+    first: int = 0
+    """Number of the first task."""
     json: Path | None = None
     """File for the results."""
 
@@ -172,6 +192,18 @@ def _act(arguments: Sequence[str]) -> int:
     return _report(results, options.json)
 
 
+def _faults(arguments: Sequence[str]) -> int:
+    options = parse(FaultOptions, arguments, "bench faults", "Drives with faults, and how they end.")
+    require_file("--json", options.json)
+    names = [name for name in FAULTS if any(part in name for part in options.fault or ("",))]
+    drives = fault_drives.fault_drives(
+        names, robots=options.robot, scenarios=options.scenario, tasks=options.tasks, first=options.first
+    )
+    return _report(
+        {"schema_version": 1, "drives": len(drives), "faults": fault_drives.table(drives)}, options.json
+    )
+
+
 def _learn(arguments: Sequence[str]) -> int:
     from adrl.benchmarks.learn import bench_learn
 
@@ -223,6 +255,10 @@ WHAT: dict[str, tuple[str, Runner]] = {
     "act": (
         "a robot's step from scan to command, the policy alone and the runtime with its supervisor",
         _act,
+    ),
+    "faults": (
+        "drives with 70 kinds of faults of scans, odometry, commands and clocks, and how they end",
+        _faults,
     ),
     "learn": (
         "gradient updates a second on one core, beside Stable-Baselines3's TD3 where it is installed",
