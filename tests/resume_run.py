@@ -14,6 +14,7 @@ from adrl.imitation.demonstrations import Demonstrations
 from adrl.imitation.probe import record_probe
 from adrl.imitation.schedule import Driver, ScheduleConfig
 from adrl.observation import Mirror
+from adrl.signals import stop_requests
 from probe_envs import PLAIN, Stumble, Walk, record_demonstrations
 
 NUM_ENVS = 4
@@ -67,6 +68,7 @@ def run(
     on_progress: Callable[[Progress], None] | None = None,
     evaluate: Evaluate | None = None,
     kind: Kind = KINDS["value"],
+    stopped: Callable[[], bool] = lambda: False,
 ) -> TrainResult:
     base = config(steps)
     schedule = replace(base.schedule, driver=kind.driver)
@@ -80,8 +82,12 @@ def run(
         evaluate=evaluate or (lambda policy, maturity: VALIDATION),
         on_progress=on_progress,
         resume=resume,
+        stopped=stopped,
     )
 
 
 if __name__ == "__main__":
-    run(Path(sys.argv[1]), int(sys.argv[2]), resume="resume" in sys.argv)
+    with stop_requests() as stop:
+        sys.stdout.write("started\n")
+        sys.stdout.flush()
+        run(Path(sys.argv[1]), int(sys.argv[2]), resume="resume" in sys.argv, stopped=stop)

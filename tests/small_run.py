@@ -32,11 +32,15 @@ def finished_run(factory: pytest.TempPathFactory) -> Path:
 
 
 def contents(folder: Path) -> dict[str, tuple[int, str]]:
-    """Everything below a folder: time of the last change and a digest of the content."""
+    """Everything below a folder: of files the time of the last change and a digest of the content.
+
+    A folder's own time tells nothing: it changes with a lock that came and went.
+    """
     return {
         str(path.relative_to(folder)): (
-            path.stat().st_mtime_ns,
-            hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else "folder",
+            (path.stat().st_mtime_ns, hashlib.sha256(path.read_bytes()).hexdigest())
+            if path.is_file()
+            else (0, "folder")
         )
         for path in sorted(folder.rglob("*"))
     }

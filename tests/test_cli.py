@@ -199,10 +199,14 @@ class TestTrain:
 
     def test_max_seconds_ends_a_run(self, tmp_path: Path) -> None:
         arguments = [*TRAIN, "--steps", "None", "--max-seconds", "2", "--out", str(tmp_path / "run")]
-        begin = time.monotonic()
         done = adrl(*arguments)
+        # On a busy machine set-up alone takes so long, which is said instead of a policy of noise.
+        if done.returncode == 2:
+            assert "set-up took" in done.stderr
+            seconds = re.findall(r"give --max-seconds (\d+)", done.stderr)[0]
+            arguments[arguments.index("--max-seconds") + 1] = seconds
+            done = adrl(*arguments)
         assert done.returncode == 0, done.stderr
-        assert time.monotonic() - begin < 60.0
         config = json.loads((tmp_path / "run" / "config.json").read_text())
         assert config["train_seconds"] >= 2.0
 
@@ -277,6 +281,34 @@ class TestEvaluate:
             "map",
             None,
         )
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_stopped_run_says_how_to_go_on(tmp_path: Path, number: int) -> None:
+    """A checkpoint at the signal, however long the interval is; a file gets plain lines."""
+    out = tmp_path / "run"
+    command = [sys.executable, "-m", "adrl.cli", *TRAIN, "--out", str(out)]
+    endless = [*command, "--steps", "10000000", "--checkpoint-interval-steps", "None"]
+    with subprocess.Popen(endless, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        lines = []
+        for line in process.stderr:
+            lines.append(line)
+            if ", training, " in line:
+                process.send_signal(number)
+                break
+        lines += process.stderr.readlines()
+        assert process.stdout is not None
+        assert process.stdout.read() == ""
+    assert process.returncode == 1
+    assert "\r" not in "".join(lines)
+    assert re.search(r"^adrl: stopped after \d+ environment steps; the same command with --resume", lines[-1])
+    (saved,) = (out / "checkpoint").iterdir()
+    assert int(saved.name) == int(re.findall(r"after (\d+)", lines[-1])[0])
+    again = adrl(*endless[3:], "--steps", int(saved.name) + 320, "--resume")
+    assert again.returncode == 0, again.stderr
 
 
 @pytest.mark.slow

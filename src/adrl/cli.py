@@ -61,10 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         print(f"adrl: error: {error.strerror or error}: {error.filename or ''}".rstrip(": "), file=sys.stderr)
         return 2 if isinstance(error, BAD_PATHS) else 1
-    except KeyboardInterrupt:
-        print(
-            "adrl: stopped; a training run goes on from its newest checkpoint with --resume", file=sys.stderr
-        )
+    except KeyboardInterrupt as stop:  # training says how to go on
+        print(f"adrl: {str(stop) or 'stopped'}", file=sys.stderr)
         return 1
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from adrl import api
 from adrl.commands import train
-from adrl.commands.options import console
+from adrl.commands.progress import console
 from adrl.evaluation.metrics import RATES, Episodes
 from adrl.evaluation.results import comparison_table
 from adrl.report.figures import RoutePanel, learning_curve, routes
@@ -17,6 +17,8 @@ ROUTES = 6
 SECONDS = 60.0
 EVALUATE_EVERY = 32_000
 """Environment steps between validations: enough points for a curve, little of the minute spent on it."""
+LOG_EVERY = 1_600
+"""Environment steps between points of the other curves: a slow machine makes a few thousand in a minute."""
 
 
 def main() -> int:
@@ -24,6 +26,7 @@ def main() -> int:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else SECONDS
     shutil.rmtree(RUN, ignore_errors=True)
     budget = ["--max-seconds", str(seconds), "--eval-interval-steps", str(EVALUATE_EVERY)]
+    budget += ["--log-interval-steps", str(LOG_EVERY)]
     train.main(["--scenario", "clutter", *budget, "--out", str(RUN)])
     results = {
         "ADRL": api.evaluate(RUN, record=ROUTES, out=RUN / "evaluation"),

@@ -4,7 +4,8 @@ import contextlib
 import os
 import subprocess
 import sys
-from collections.abc import Mapping
+import time
+from collections.abc import Mapping, Sequence
 from typing import IO
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -53,6 +54,20 @@ def send(process: Process, line: bytes) -> None:
     with contextlib.suppress(BrokenPipeError):
         process.stdin.write(line + b"\n")
         process.stdin.flush()
+
+
+def end(running: Sequence[Process], patience_s: float) -> None:
+    """Ask processes to end, SIGTERM; kill those that have not after patience_s, and close their pipes."""
+    give_up_s = time.monotonic() + patience_s
+    try:
+        for process in running:
+            process.terminate()
+        for process in running:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(max(give_up_s - time.monotonic(), 0.0))
+    finally:
+        for process in running:
+            close(process)
 
 
 def close(process: Process) -> None:

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import tyro
 
 from adrl import files
-from adrl.agents import checkpoint
+from adrl.agents import budget, checkpoint
 from adrl.agents.config import TrainConfig
-from adrl.agents.interface import Validation
+from adrl.agents.interface import Progress, Validation
 from adrl.agents.methods import Method, method_config, method_name
 from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy, resolve_policy
 from adrl.deploy.setup import training_worlds
@@ -32,13 +32,14 @@ from adrl.outputs import locked, require_folder
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards.config import STANDING_AT_WORST
 from adrl.rewards.step import reference_period_s
+from adrl.signals import stop_requests
 from adrl.types import RobotConfig, Scenario
 from adrl.worlds import load_robot, task_set
 from adrl.worlds.given import training_fingerprints
 from adrl.worlds.place import Place
 
 if TYPE_CHECKING:
-    from adrl.agents.train import Progress, TrainResult
+    from adrl.agents.interface import TrainResult
 
 PROBE_STATES = 32
 """Each is driven from twice: at random, and by the expert."""
@@ -57,9 +58,9 @@ class RunConfig(Place):
     """A training method's name (adrl list), or the function."""
     paper_literal: bool = False
     """Compute every equation as the paper prints it, whatever the method."""
-    guidance: str = "goal"
+    guidance: str | None = None
     """goal: the policy sees the final goal; replan: that, and waypoints of its own map when blocked (eqs 18-23);
-    map: a waypoint on the A* path of the known map."""
+    map: a waypoint on the A* path of the known map. Left out: map with --map or --world, else goal."""
     replanner: ReplannerConfig = field(default_factory=ReplannerConfig)
     env: Literal["native", "gazebo"] = "native"
     """What moves and senses the robots of training: our simulator, or Gazebo (scripts/gazebo-chroot sets it up), which
@@ -107,8 +108,12 @@ class RunConfig(Place):
     def resolved(self) -> TrainConfig:
         """The learner's configuration as the method has it, under the run's guidance."""
         learner = method_config(self.method, self.learner)
-        learner = replace(learner, schedule=learner.schedule.under(self.guidance))
+        learner = replace(learner, schedule=learner.schedule.under(self.resolved_guidance()))
         return learner.literal() if self.paper_literal else learner
+
+    def resolved_guidance(self) -> str:
+        """The guidance that was given, or the place's own."""
+        return self.guidance or self.default_guidance
 
     def resolved_replanner(self) -> ReplannerConfig:
         """The replanner's constants, as printed where all is."""
@@ -129,7 +134,7 @@ def _check_horizon(learner: TrainConfig) -> None:
 def train(
     config: RunConfig,
     *,
-    on_progress: Callable[["Progress"], None] | None = None,
+    on_progress: Callable[[Progress], None] | None = None,
     start_time_s: float | None = None,
 ) -> "TrainResult":
     """Train a policy and leave it in the run folder.
@@ -138,10 +143,7 @@ def train(
     holds is not touched unless resume is asked for.
     """
     start_time_s = time.monotonic() if start_time_s is None else start_time_s
-    if config.learner.steps is None and config.learner.max_seconds is None:
-        raise ConfigError(
-            "a run needs an end; give --steps (environment steps) or --max-seconds (wall clock)"
-        )
+    budget.require_end(config.learner)
     scenario, robot = config.load(), load_robot(config.robot)
     learner = with_horizon_of(config.resolved(), robot)
     out = run_folder(config, scenario)
@@ -153,16 +155,35 @@ def train(
     resumed = checkpoint.exists(out)
     if resumed and not config.resume:
         raise ConfigError(f"{out} holds an unfinished run; give --resume to go on with it, or another --out")
+    if resumed and config.guidance is None:
+        config = replace(config, guidance=checkpoint.settings(out).get("guidance"))
+        learner = with_horizon_of(config.resolved(), robot)
     start = None if config.fine_tune is None else load_policy(resolve_policy(config.fine_tune))
     make_env = env_maker(config, learner, scenario, robot)
+    tell = _teller(config, on_progress, start_time_s)
     with locked(out), _robots(config, robot) as body:
+        tell("worlds")
         env = make_env(
             config.num_envs,
             randomize=config.randomize and body is None,
             task_priority=config.task_priority,
             body=body,
         )
-        return _train(config, learner, env, make_env, out, start, resumed, on_progress, start_time_s)
+        return _train(config, learner, env, make_env, out, start, resumed, tell, on_progress, start_time_s)
+
+
+def _teller(
+    config: RunConfig, on_progress: Callable[[Progress], None] | None, start_time_s: float
+) -> Callable[[str], None]:
+    """Tells a phase of the set-up to the progress hook."""
+
+    def tell(phase: str) -> None:
+        if on_progress is not None:
+            wall_s = time.monotonic() - start_time_s
+            fraction = budget.spent_fraction(config.learner, 0, wall_s)
+            on_progress(Progress(phase=phase, fraction=fraction, wall_s=wall_s))
+
+    return tell
 
 
 def _robots(config: RunConfig, robot: RobotConfig) -> AbstractContextManager[Body | None]:
@@ -182,17 +203,20 @@ def _train(
     out: Path,
     start: MlpPolicy | None,
     resumed: bool,
-    on_progress: Callable[["Progress"], None] | None,
+    tell: Callable[[str], None],
+    on_progress: Callable[[Progress], None] | None,
     start_time_s: float,
 ) -> "TrainResult":
     """The run in its environment."""
     scenario, robot = env.scenario, env.robot
     began_s = time.monotonic()
+    tell("demonstrations")
     demonstrations = _demonstrations(config, env) if learner.schedule.imitates else None
     demonstrated_s = time.monotonic()
     probed = learner.measures_maturity and learner.schedule.needs_probe
     probe = None
     if probed:
+        tell("probe")
         # Few tasks: a random policy's crashes would call for ever new ones, each to be made.
         probe_env = make_env(2 * PROBE_STATES, randomize=False, task_pool=min(config.task_pool, PROBE_STATES))
         probe = record_probe(probe_env, learner.seed, probe_steps(learner.td3.gamma))
@@ -205,20 +229,24 @@ def _train(
 
     from adrl.agents.train import train as learn
 
-    return learn(
-        learner,
-        env,
-        out,
-        policy_config=about_policy(config, robot, scenario, out, setup),
-        demonstrations=demonstrations,
-        probe=probe,
-        mirror=env.sim.encoder.mirror,
-        start=start,
-        evaluate=validation(config, scenario, robot, learner),
-        on_progress=on_progress,
-        start_time_s=start_time_s,
-        resume=config.resume,
-    )
+    # Gazebo's own processes end with the same signals, and keep no state to go on from.
+    requests = stop_requests() if config.env == "native" else nullcontext(lambda: False)
+    with requests as stopped:
+        return learn(
+            learner,
+            env,
+            out,
+            policy_config=about_policy(config, robot, scenario, out, setup),
+            demonstrations=demonstrations,
+            probe=probe,
+            mirror=env.sim.encoder.mirror,
+            start=start,
+            evaluate=validation(config, scenario, robot, learner),
+            on_progress=on_progress,
+            start_time_s=start_time_s,
+            resume=config.resume,
+            stopped=stopped,
+        )
 
 
 def env_maker(
@@ -229,7 +257,7 @@ def env_maker(
         NavVectorEnv,
         scenario=scenario,
         robot=robot,
-        guidance=config.guidance,
+        guidance=config.resolved_guidance(),
         replanner=config.resolved_replanner(),
         task_pool=config.task_pool,
         task_priority=0.0,
@@ -249,7 +277,12 @@ def run_folder(config: RunConfig, scenario: Scenario) -> Path:
     """Where the run goes: by default a name that tells what it is."""
     if config.out is not None:
         return config.out
-    parts = (method_name(config.method), scenario.name, load_robot(config.robot).name, config.guidance)
+    parts = (
+        method_name(config.method),
+        scenario.name,
+        load_robot(config.robot).name,
+        config.resolved_guidance(),
+    )
     name = "-".join(re.sub(r"[^\w.-]+", "-", part) for part in parts)
     return Path("runs") / f"{name}-s{config.learner.seed}"
 
@@ -282,15 +315,18 @@ def about_policy(
 
     setup_seconds: wall clock of what came before the first update, told apart.
     """
-    run = asdict(replace(config, robot=robot.name)) | {"method": method_name(config.method)}
+    guidance = config.resolved_guidance()
+    run = asdict(replace(config, robot=robot.name, guidance=guidance)) | {
+        "method": method_name(config.method)
+    }
     learner, replanner = config.resolved(), config.resolved_replanner()
-    replans_as_printed = config.guidance != "replan" or replanner == replanner.literal()
+    replans_as_printed = guidance != "replan" or replanner == replanner.literal()
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next
         widths=config.learner.td3.widths,
         robot=asdict(robot),
         encoder=asdict(config.encoder),
-        guidance=config.guidance,
+        guidance=guidance,
         method=method_name(config.method),
         extra={
             "environment": {
@@ -348,7 +384,7 @@ def validation(
             policy,
             tasks(),
             robot,
-            guidance=config.guidance,
+            guidance=config.resolved_guidance(),
             encoder=config.encoder,
             num_threads=1,
             replanner=config.resolved_replanner(),

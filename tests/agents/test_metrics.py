@@ -13,8 +13,11 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 import resume_run
+from adrl.agents.budget import BudgetSpent, spent_fraction
 from adrl.agents.config import TrainConfig
-from adrl.agents.metrics import EpisodeTally, MetricsLog, crossed, reward_row, spent_fraction
+from adrl.agents.interface import Progress, Validation
+from adrl.agents.metrics import EpisodeTally, MetricsLog, crossed, reward_row
+from adrl.deploy.policy import MlpPolicy
 from adrl.errors import CheckpointError, ConfigError
 from adrl.report.metrics_log import read_metrics
 from adrl.rewards import REWARD_TERMS, RewardConfig, weights
@@ -102,20 +105,89 @@ def test_a_budget_of_time_ends_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyP
     timed = TrainConfig(max_seconds=0.5, td3=td3, pretrain_updates=0, replay_capacity=1000)
     monkeypatch.setattr(resume_run, "config", lambda steps: timed)
     result = resume_run.run(tmp_path, 0)
-    assert 0.5 <= result.train_seconds < 30.0
+    assert result.train_seconds >= 0.5
     assert (tmp_path / "policy.safetensors").exists()
 
 
-def test_a_run_whose_budget_is_spent_before_its_first_step_says_so_in_one_row(
+class Clock:
+    """Time that passes only in steps of the environment, a second each; stands for the module time."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+
+def test_a_budget_of_time_is_a_total_and_ends_the_run_with_the_step_that_spends_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    """A comparison reads every log: one without a row would keep it from its tables."""
-    spent = replace(resume_run.config(1), steps=None, max_seconds=1e-9)
-    monkeypatch.setattr(resume_run, "config", lambda steps: spent)
-    for resume in (False, True):
-        assert resume_run.run(tmp_path, 0, resume=resume).env_steps == 0
-        columns = read_metrics(tmp_path / "metrics.jsonl")
-        assert (columns["env_steps"].tolist(), columns["updates"].tolist()) == ([0.0], [0.0])
+    """Set-up counts, validation does not, and a resumed run has what is left."""
+    clock = Clock()
+
+    class Slow(Walk):
+        def reset(self, **options: Any) -> Any:
+            clock.now_s += 10.0
+            return super().reset(**options)
+
+        def step(self, actions: NDArray[np.float32]) -> Any:
+            clock.now_s += 1.0
+            return super().step(actions)
+
+    def validate(policy: MlpPolicy, maturity: float) -> Validation:
+        clock.now_s += 1000.0
+        return resume_run.VALIDATION
+
+    kind = resume_run.Kind(env=Slow)
+    monkeypatch.setattr("adrl.agents.train.time", clock)
+    for max_seconds, wanted in ((50.0, 40), (90.0, 70)):  # set-up takes ten, each time anew
+        timed = replace(resume_run.config(1), steps=None, max_seconds=max_seconds)
+        monkeypatch.setattr(resume_run, "config", lambda steps, timed=timed: timed)
+        result = resume_run.run(tmp_path, 0, resume=max_seconds > 50.0, evaluate=validate, kind=kind)
+        assert result.env_steps == wanted * resume_run.NUM_ENVS
+        assert result.train_seconds == max_seconds
+    with pytest.raises(BudgetSpent, match="max-seconds above 100"):
+        resume_run.run(tmp_path, 0, resume=True, evaluate=validate, kind=kind)
+
+
+def test_no_policy_without_updates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A budget that ends in set-up, or before start_steps; what is given instead makes one."""
+    base = resume_run.config(1)
+    nothing = replace(base, pretrain_updates=0, start_steps=100, steps=80)
+    for tried, says in (
+        (replace(base, steps=None, max_seconds=1e-9), "set-up took"),
+        (nothing, r"80 environment steps.*start_steps = 100"),
+    ):
+        monkeypatch.setattr(resume_run, "config", lambda steps, tried=tried: tried)
+        for resume in (False, True):
+            with pytest.raises(ConfigError, match=says):
+                resume_run.run(tmp_path, 0, resume=resume)
+        assert not (tmp_path / "policy.safetensors").exists()
+    enough = replace(nothing, steps=120)
+    monkeypatch.setattr(resume_run, "config", lambda steps: enough)
+    assert resume_run.run(tmp_path, 0, resume=True).updates > 0
+
+
+def test_the_last_validation_is_of_the_last_policy(tmp_path: Path):
+    for steps in (60, 100, 240):
+        out = tmp_path / str(steps)
+        resume_run.run(out, steps)
+        columns = read_metrics(out / "metrics.jsonl")
+        assert columns["env_steps"][-1] == steps
+        assert columns["success"][-1] == resume_run.VALIDATION.success
+
+
+def test_progress_tells_each_phase_and_ends_at_one(tmp_path: Path):
+    told: list[Progress] = []
+    resume_run.run(tmp_path, 240, on_progress=told.append)
+    phases = [p.phase for p in told]
+    assert phases[0] == "compilation"
+    assert phases.count("compilation") == 1
+    assert set(phases) == {"compilation", "training", "validation"}
+    assert [p.env_steps for p in told if p.phase == "validation"] == [120, 240]
+    fractions = [p.fraction for p in told]
+    assert fractions == sorted(fractions)
+    assert (told[-1].fraction, told[-1].env_steps) == (1.0, 240)
 
 
 def test_a_run_without_an_end_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -159,12 +231,12 @@ def test_an_interval_is_due_once_for_each_multiple_that_steps_pass(step: int, in
 
 
 def test_the_budget_that_is_spent_first_counts():
-    assert spent_fraction(50, 3.0, 100, None) == 0.5
-    assert spent_fraction(50, 3.0, None, 4.0) == 0.75
-    assert spent_fraction(50, 3.0, 100, 4.0) == 0.75
-    assert spent_fraction(90, 3.0, 100, 4.0) == 0.9
-    assert spent_fraction(0, 0.0, 100, 4.0) == 0.0
-    assert spent_fraction(101, 5.0, 100, 4.0) == 1.0
+    assert spent_fraction(TrainConfig(steps=100, max_seconds=None), 50, 3.0) == 0.5
+    assert spent_fraction(TrainConfig(steps=None, max_seconds=4.0), 50, 3.0) == 0.75
+    assert spent_fraction(TrainConfig(steps=100, max_seconds=4.0), 50, 3.0) == 0.75
+    assert spent_fraction(TrainConfig(steps=100, max_seconds=4.0), 90, 3.0) == 0.9
+    assert spent_fraction(TrainConfig(steps=100, max_seconds=4.0), 0, 0.0) == 0.0
+    assert spent_fraction(TrainConfig(steps=100, max_seconds=4.0), 101, 5.0) == 1.0
 
 
 def test_the_log_does_not_import_pytorch(tmp_path: Path):

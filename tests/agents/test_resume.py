@@ -15,9 +15,12 @@ import pytest
 
 import resume_run
 from adrl.agents import checkpoint
+from adrl.agents.budget import BudgetSpent
+from adrl.agents.interface import Progress, TrainingStopped
 from adrl.errors import CheckpointError, ConfigError
 from adrl.imitation.probe import record_probe
 from probe_envs import Walk
+from small_run import contents
 
 STEPS = 600
 
@@ -111,10 +114,75 @@ def test_a_finished_run_goes_on_for_longer(tmp_path: Path, never_killed: Outcome
     assert outcome(tmp_path)[1] == never_killed[1]
 
 
-def test_resuming_a_finished_run_changes_nothing(tmp_path: Path, never_killed: Outcome):
+def test_a_finished_run_needs_a_greater_budget_to_go_on(tmp_path: Path, never_killed: Outcome):
     resume_run.run(tmp_path, STEPS)
-    resume_run.run(tmp_path, STEPS, resume=True)
+    before = contents(tmp_path)
+    for steps in (STEPS, STEPS // 2):
+        with pytest.raises(BudgetSpent, match=f"steps above {STEPS}"):
+            resume_run.run(tmp_path, steps, resume=True)
+    assert contents(tmp_path) == before
     assert outcome(tmp_path) == never_killed
+
+
+def test_a_kill_before_the_policy_was_written_is_mended(tmp_path: Path, never_killed: Outcome):
+    """The last checkpoint holds all of the run; its policy is missing, damaged, or that of a shorter run."""
+    resume_run.run(tmp_path, STEPS // 2)
+    resume_run.run(tmp_path, STEPS, resume=True)
+    config, weights = tmp_path / "config.json", tmp_path / "policy.safetensors"
+    older = config.read_text().replace(f'"env_steps": {STEPS}', f'"env_steps": {STEPS // 2}')
+    for damage in (weights.unlink, lambda: weights.write_bytes(b""), lambda: config.write_text(older)):
+        damage()
+        resume_run.run(tmp_path, STEPS, resume=True)
+        assert outcome(tmp_path) == never_killed
+
+
+def stop_and_resume(out: Path, seed: int, kind: resume_run.Kind) -> Outcome:
+    """What is left of a run that is asked to stop after random numbers of steps, and is resumed each time."""
+    rng = random.Random(seed)
+    for stops in range(200):
+        left = rng.randint(0, 60)
+
+        def stopped() -> bool:
+            nonlocal left
+            left -= 1
+            return left < 0
+
+        try:
+            resume_run.run(out, STEPS, stops > 0, kind=kind, stopped=stopped)
+        except TrainingStopped:
+            continue
+        assert stops >= 2
+        return outcome(out)
+    raise AssertionError("it never ended")
+
+
+@pytest.mark.parametrize("name", list(resume_run.KINDS))
+def test_stopped_and_resumed_equals_never_stopped(tmp_path: Path, name: str):
+    kind = resume_run.KINDS[name]
+    resume_run.run(tmp_path / "whole", STEPS, kind=kind)
+    assert stop_and_resume(tmp_path / "stopped", 1, kind) == outcome(tmp_path / "whole")
+
+
+def test_a_stopped_run_loses_no_step(tmp_path: Path):
+    """Between two checkpoints of the interval, and in the pretraining too."""
+    for calls in (1, 10, 40):
+        out, count = tmp_path / str(calls), 0
+
+        def stopped(calls: int = calls) -> bool:
+            nonlocal count
+            count += 1
+            return count > calls
+
+        pretraining = 2  # calls: eight updates, four each
+        done = max(calls - pretraining, 0) * resume_run.NUM_ENVS
+        with pytest.raises(TrainingStopped, match=f"after {done} environment steps.*--resume.*{out}"):
+            resume_run.run(out, STEPS, stopped=stopped)
+        assert [path.name for path in (out / "checkpoint").iterdir()] == [f"{done:012d}"]
+        assert not (out / "policy.safetensors").exists()
+        told: list[Progress] = []
+        resume_run.run(out, STEPS, resume=True, on_progress=told.append)
+        first = next(p.env_steps for p in told if p.phase == "training")
+        assert first == (done + resume_run.NUM_ENVS if calls >= pretraining else 0)
 
 
 def test_a_run_folder_is_not_overwritten(tmp_path: Path):
@@ -157,4 +225,27 @@ def test_sigkill_and_resume_in_other_processes(tmp_path: Path, never_killed: Out
     assert process.wait() == -signal.SIGKILL, "it ended before it could be killed"
     assert not (tmp_path / "policy.safetensors").exists()
     subprocess.run([*command, "resume"], env=environment, check=True, timeout=120)
+    assert outcome(tmp_path) == never_killed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_leaves_a_checkpoint(tmp_path: Path, number: int, never_killed: Outcome):
+    """Sent before the first step, so that no checkpoint of the interval is there yet."""
+    tests = Path(__file__).parents[1]
+    command = [sys.executable, str(tests / "resume_run.py"), str(tmp_path), str(STEPS)]
+    environment = os.environ | {"PYTHONPATH": str(tests)}
+    with subprocess.Popen(
+        command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"started\n"
+        process.send_signal(number)
+        errors = process.communicate(timeout=200)[1].decode()
+    assert process.returncode != 0
+    assert "stopping at the next safe point" in errors
+    assert "--resume goes on" in errors
+    assert checkpoint.exists(tmp_path)
+    assert not (tmp_path / "policy.safetensors").exists()
+    subprocess.run([*command, "resume"], env=environment, check=True, timeout=200)
     assert outcome(tmp_path) == never_killed

@@ -15,6 +15,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from adrl.agents import checkpoint
 from adrl.agents.config import Td3Config, TrainConfig
 from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
@@ -179,6 +180,23 @@ def wait_for(condition: Any, seconds: float) -> None:
     while not condition():
         assert time.monotonic() < end, "waited in vain"
         time.sleep(0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_a_stopped_comparison_leaves_checkpoints(tmp_path: Path) -> None:
+    """Workers that train write one before they end, and none outlives the comparison."""
+    out = tmp_path / "out"
+    process = start("--methods", "adrl", "--seeds", 1, *SIZES, "--steps", 10_000_000, "--out", out)
+    log = out / "runs" / "adrl-s0" / "metrics.jsonl"
+    wait_for(lambda: log.exists() and log.read_bytes(), 200)
+    workers = workers_of(process.pid)
+    os.kill(process.pid, signal.SIGINT)
+    assert process.wait(timeout=120) == 1
+    assert workers
+    assert all(map(gone, workers))
+    assert checkpoint.exists(out / "runs" / "adrl-s0")
+    assert "--resume goes on" in (out / "logs" / "adrl-s0.log").read_text()
 
 
 @pytest.mark.slow

@@ -86,6 +86,12 @@ def load(run: Path) -> Checkpoint | None:
     )
 
 
+def settings(run: Path) -> dict[str, Any]:
+    """What the newest checkpoint of a run folder says its run was, without its arrays; {} where there is none."""
+    folders = _complete(run / FOLDER)
+    return _read_state(folders[-1] / STATE_FILE).get("config", {}) if folders else {}
+
+
 def exists(run: Path) -> bool:
     """Whether a run folder holds a checkpoint to resume from."""
     return bool(_complete(run / FOLDER))

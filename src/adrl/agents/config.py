@@ -78,7 +78,8 @@ class TrainConfig:
     steps: int | None = None
     """Environment steps over all rows; a run of so many steps resumes to the same bytes."""
     max_seconds: float | None = None
-    """Wall clock of the run in s, demonstrations and compilation included."""
+    """Wall clock of the whole run in s, a total: imports, demonstrations, probe and compilation are in it, and with
+    --resume what was spent before. Validation is not."""
     updates_per_iteration: int = 4
     """Gradient updates for each step of the vector environment; a multiple of policy_delay."""
     replay_capacity: int = 500_000
@@ -104,7 +105,7 @@ class TrainConfig:
     log_interval_steps: int = 6400
     """Environment steps between rows of metrics.jsonl."""
     eval_interval_steps: int | None = None
-    """Environment steps between calls of the evaluation, or None for none."""
+    """Environment steps between validations, or None for none. A run that ends before the first has one at its end."""
     checkpoint_interval_steps: int | None = 200_000
     """Environment steps between checkpoints, or None for one at the end only."""
     td3: Td3Config = field(default_factory=Td3Config)

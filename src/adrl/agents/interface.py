@@ -36,23 +36,29 @@ class TrainEnv(Protocol):
     def set_state(self, state: Mapping[str, NDArray[Any]]) -> None: ...
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Progress:
     """Where a run stands, for a progress bar."""
 
+    phase: str = "training"
+    """What is being done: worlds, demonstrations, probe, compilation, training or validation."""
     fraction: float
     """Of the budget, 0 to 1."""
     wall_s: float
-    env_steps: int
-    updates: int
-    episodes: int
-    maturity: float
-    alpha: float
-    lambda_bc: float
-    train_success: float | None
+    env_steps: int = 0
+    updates: int = 0
+    episodes: int = 0
+    maturity: float = 0.0
+    alpha: float = 0.0
+    lambda_bc: float = 0.0
+    train_success: float | None = None
     """Success of the exploring policy between the last two metrics rows."""
-    success: float | None
+    success: float | None = None
     """The last evaluation's."""
+
+
+class TrainingStopped(KeyboardInterrupt):
+    """A signal ended a run, which has left a checkpoint to go on from."""
 
 
 @dataclass(frozen=True)

@@ -156,10 +156,3 @@ def reward_row(terms: F32, features: F32, maturity: float, config: RewardConfig)
 def crossed(env_steps: int, step: int, interval_steps: int | None) -> bool:
     """Whether the last `step` of `env_steps` environment steps crossed a multiple of the interval; None has none."""
     return interval_steps is not None and env_steps // interval_steps > (env_steps - step) // interval_steps
-
-
-def spent_fraction(env_steps: int, wall_s: float, steps: int | None, max_seconds: float | None) -> float:
-    """Share in [0, 1] of the budget (steps, max_seconds) that is used up: of the one that is spent first."""
-    by_steps = env_steps / steps if steps else 0.0
-    by_time = wall_s / max_seconds if max_seconds else 0.0
-    return min(max(by_steps, by_time), 1.0)

@@ -7,8 +7,8 @@
              record    reward terms, features and true successors
              report    metrics, evaluation, checkpoint
 
-Everything random comes from one numpy generator, so a run of --steps that was killed resumes to the same
-bytes.
+Everything random comes from one numpy generator, so a run of --steps that was killed or stopped resumes to the
+same bytes.
 """
 
 import json
@@ -17,14 +17,14 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.agents import checkpoint
+from adrl.agents import budget, checkpoint
 from adrl.agents.config import TrainConfig
-from adrl.agents.interface import Evaluate, Progress, TrainEnv, TrainResult
+from adrl.agents.interface import Evaluate, Progress, TrainEnv, TrainingStopped, TrainResult
 from adrl.agents.learner import Learner
 from adrl.agents.metrics import (
     METRICS_FILE,
@@ -33,10 +33,9 @@ from adrl.agents.metrics import (
     MetricsLog,
     crossed,
     reward_row,
-    spent_fraction,
 )
 from adrl.agents.replay import Demonstrations
-from adrl.deploy.policy import MlpPolicy, PolicyConfig
+from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy
 from adrl.errors import CheckpointError, ConfigError
 from adrl.imitation.probe import Probe
 from adrl.observation import Mirror
@@ -60,6 +59,7 @@ def train(
     on_progress: Callable[[Progress], None] | None = None,
     start_time_s: float | None = None,
     resume: bool = False,
+    stopped: Callable[[], bool] = lambda: False,
 ) -> TrainResult:
     """Train a policy and leave it in the run folder `out`.
 
@@ -67,10 +67,11 @@ def train(
     demonstrations: D2, for methods that imitate. probe: measures S, where the method follows it. mirror: of the
     observations of a symmetric robot. start: the actor to begin with. start_time_s: of time.monotonic(); wall clock and
     max_seconds count from it, validation left out. resume: from the newest checkpoint, or from the start if there is
-    none. Raises ConfigError, CheckpointError, DatasetError.
+    none. stopped: whether to leave a checkpoint and end before the budget is spent, asked between steps. Raises
+    ConfigError, also for a budget that ends before the first update; BudgetSpent for one that a finished run has had;
+    TrainingStopped; CheckpointError, DatasetError.
     """
-    if config.steps is None and config.max_seconds is None:
-        raise ConfigError("the run would never end; give steps or max_seconds")
+    budget.require_end(config)
     started_s = time.monotonic() if start_time_s is None else start_time_s
     rng = np.random.Generator(np.random.PCG64(config.seed))
     observation = np.array(env.reset(seed=config.seed)[0], dtype=np.float32)
@@ -78,13 +79,15 @@ def train(
     learner = Learner(config, n, size, demonstrations, probe, rng, mirror, start)
     run = _Run(config, env, out, learner, rng, observation, policy_config, started_s)
     run.evaluate, run.on_progress = evaluate, on_progress
-    run.begin(resume)
     try:
-        while run.learner.pretraining and not run.spent():
-            run.learner.update()
-            run.tell()
-        while not run.spent():
-            run.iterate()
+        run.begin(resume)
+        while not (run.spent() or stopped()):
+            if learner.pretraining:
+                run.pretrain()
+            else:
+                run.iterate()
+        if not run.spent():
+            run.stop()
         return run.finish()
     finally:
         run.close()
@@ -115,7 +118,8 @@ class _Run:
         self._noise_std = np.linspace(*config.exploration_std, n, dtype=np.float32)[:, None]
         self._tally = EpisodeTally.empty(n)
         self._returns: list[float] = []
-        self._env_steps, self._logged_at = 0, 0
+        self._env_steps, self._logged_at, self._validated_at = 0, 0, 0
+        self._setup_s = 0.0
         self._train_success: float | None = None
         self._success: float | None = None
         self._log: MetricsLog | None = None
@@ -126,15 +130,20 @@ class _Run:
 
     def spent(self) -> bool:
         """Whether a budget is used up."""
-        config = self.config
-        over_steps = config.steps is not None and self._env_steps >= config.steps
-        return over_steps or (config.max_seconds is not None and self.wall_s() >= config.max_seconds)
+        return self._spent_fraction() >= 1.0
+
+    def _spent_fraction(self) -> float:
+        return budget.spent_fraction(self.config, self._env_steps, self.wall_s())
 
     def begin(self, resume: bool) -> None:
         """Start afresh, or from the newest checkpoint."""
+        self._setup_s = self.wall_s()
         found = checkpoint.load(self.out) if resume else None
         if found is not None:
-            self._restore(found)
+            logged_bytes = self._restore(found)
+            if self.spent() and self._policy_is_written():
+                raise budget.spent(self.config, str(self.out), self._env_steps, self.wall_s())
+            self._log = MetricsLog(self.out, logged_bytes, self._env_steps)
             return
         if checkpoint.exists(self.out):
             raise ConfigError(f"{self.out} holds a run; resume it, or give another folder")
@@ -143,6 +152,23 @@ class _Run:
         shutil.rmtree(self.out / TENSORBOARD_FOLDER, ignore_errors=True)
         self._log = MetricsLog(self.out)
 
+    def _policy_is_written(self) -> bool:
+        """Whether the run folder has the policy of this state: a kill may have come after the last checkpoint."""
+        try:
+            return load_policy(self.out).config.extra.get("env_steps") == self._env_steps
+        except CheckpointError:
+            return False
+
+    def pretrain(self) -> None:
+        """Updates on demonstrations alone."""
+        self._update()
+        self.tell()
+
+    def _update(self) -> None:
+        if self.learner.compile_seconds is None:
+            self.tell("compilation")
+        self.learner.update()
+
     def iterate(self) -> None:
         """One step of all rows of the environment, and the updates that run beside it."""
         learner = self.learner
@@ -150,7 +176,7 @@ class _Run:
         learner.mature(self._returns)
         self.env.maturity = learner.maturity
         if self._env_steps >= self.config.start_steps and learner.replay.ready:
-            learner.update()
+            self._update()
         self._step(self._explore(policy))
         self.tell()
         self._report()
@@ -190,12 +216,13 @@ class _Run:
     def _validate(self) -> dict[str, float | None]:
         """Success of the averaged actor, and what the critic promised from the start states against what came."""
         assert self.evaluate is not None
+        self.tell("validation")
         policy = self.learner.policy(self._policy_config)
         began_s = time.monotonic()
         result = self.evaluate(policy, self.learner.reward_maturity)
         promised = self.learner.q_at(result.start)
         self._validation_s += time.monotonic() - began_s
-        self._success = result.success
+        self._success, self._validated_at = result.success, self._env_steps
         return {
             "success": result.success,
             "q_start": promised,
@@ -218,14 +245,15 @@ class _Run:
         self._log.write(head | self.learner.row() | tally | numbers | shaped)
         self._logged_at = self._env_steps
 
-    def tell(self) -> None:
+    def tell(self, phase: str = "training") -> None:
         """Call the progress hook."""
         if self.on_progress is None:
             return
-        config, learner = self.config, self.learner
+        learner = self.learner
         self.on_progress(
             Progress(
-                fraction=spent_fraction(self._env_steps, self.wall_s(), config.steps, config.max_seconds),
+                phase=phase,
+                fraction=self._spent_fraction(),
                 wall_s=self.wall_s(),
                 env_steps=self._env_steps,
                 updates=learner.updates,
@@ -238,14 +266,28 @@ class _Run:
             )
         )
 
+    def stop(self) -> NoReturn:
+        """Save a checkpoint of a run that is not over."""
+        self._save()
+        raise TrainingStopped(
+            f"stopped after {self._env_steps} environment steps; the same command with --resume goes on from there "
+            f"({self.out})"
+        )
+
     def finish(self) -> TrainResult:
         """Save the last checkpoint and the policy."""
+        updates, episodes = self.learner.updates, self._tally.total
+        budget.require_updates(self.config, updates, self._env_steps, self._setup_s)
+        self.tell()
         seconds = self.wall_s()
         self._save()
-        # After the checkpoint: a run that is resumed to go on writes no row here. A log has one row at the least.
-        if self._logged_at < self._env_steps or self._env_steps == 0:
-            self._write_row(evaluate=False)
-        updates, episodes = self.learner.updates, self._tally.total
+        # After the checkpoint: a run that is resumed to go on writes no row here.
+        validates = self.evaluate is not None and self.config.eval_interval_steps is not None
+        unseen = validates and self._validated_at < self._env_steps
+        # A run too short for a validation has one, and a log one row at the least.
+        first = unseen and self._validated_at == 0
+        if first or self._logged_at < self._env_steps:
+            self._write_row(evaluate=unseen)
         counts = {
             "train_seconds": seconds,
             "env_steps": self._env_steps,
@@ -279,6 +321,7 @@ class _Run:
             "tally": self._tally.state(),
             "env_steps": self._env_steps,
             "logged_at": self._logged_at,
+            "validated_at": self._validated_at,
             "train_success": self._train_success,
             "success": self._success,
             "returns": self._returns,
@@ -293,7 +336,8 @@ class _Run:
         }
         checkpoint.save(self.out, self._env_steps, state, parts)
 
-    def _restore(self, saved: checkpoint.Checkpoint) -> None:
+    def _restore(self, saved: checkpoint.Checkpoint) -> int:
+        """Take its state; returns the length of the metrics log of then, in bytes."""
         state = saved.state
         try:
             checkpoint.require_same(saved.path, state["config"], self._identity())
@@ -306,9 +350,12 @@ class _Run:
             self._returns = list(state["returns"])
             self._rng.bit_generator.state = state["rng"]
             self._env_steps, self._logged_at = state["env_steps"], state["logged_at"]
+            self._validated_at = state.get(
+                "validated_at", 0
+            )  # absent from checkpoints before there was a last one
             self._train_success, self._success = state["train_success"], state["success"]
             self._started_s -= state["wall_s"]
-            self._log = MetricsLog(self.out, state["metrics_bytes"], self._env_steps)
+            return int(state["metrics_bytes"])
         except CheckpointError as error:
             # What a part refuses does not know which checkpoint it came from.
             raise (

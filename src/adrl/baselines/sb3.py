@@ -17,9 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from adrl.agents.budget import require_end, require_updates, spent_fraction
 from adrl.agents.config import TrainConfig
 from adrl.agents.interface import Evaluate
-from adrl.agents.metrics import EpisodeTally, MetricsLog, crossed, spent_fraction
+from adrl.agents.metrics import EpisodeTally, MetricsLog, crossed
 from adrl.baselines import require_sb3
 from adrl.baselines.tuned import TUNED
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
@@ -240,15 +241,16 @@ def train_sb3(
     make_model. The policy is the last actor, as the library's users have it. PPO ends with the first whole rollout at
     or past config.steps. Raises ConfigError, UnknownName.
     """
-    if config.steps is None and config.max_seconds is None:
-        raise ConfigError("the run would never end; give steps or max_seconds")
+    require_end(config)
     started_s = time.monotonic() if start_time_s is None else start_time_s
     policy_config = replace(policy_config, maturity=env.maturity)
     model = make_model(algorithm, env, config, tuned)
+    setup_s = time.monotonic() - started_s
     watch = _Watch(config, env.num_envs, out, policy_config, evaluate, on_progress, started_s)
     try:
         model.learn(total_timesteps=config.steps or ENDLESS, callback=watch)
         seconds = watch.wall_s()
+        require_updates(config, watch.updates, model.num_timesteps, setup_s)
         watch.write_last()
     finally:
         watch.log.close()
@@ -304,7 +306,7 @@ class _Watch(BaseCallback):
             self._write_row(evaluation_due)
         budget_s = self._config.max_seconds
         if self._on_progress is not None:
-            self._on_progress(spent_fraction(self.num_timesteps, self.wall_s(), self._config.steps, budget_s))
+            self._on_progress(spent_fraction(self._config, self.num_timesteps, self.wall_s()))
         return budget_s is None or self.wall_s() < budget_s
 
     def write_last(self) -> None:

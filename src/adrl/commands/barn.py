@@ -9,12 +9,8 @@ from typing import Literal
 import numpy as np
 
 from adrl import api, files
-from adrl.commands.options import (
-    console,
-    counting_bar,
-    parse,
-    write_document,
-)
+from adrl.commands.options import parse, write_document
+from adrl.commands.progress import console, counting_bar
 from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
 from adrl.deploy.setup import training_worlds
 from adrl.errors import ConfigError

@@ -9,7 +9,8 @@ import tyro
 
 from adrl import files
 from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC
-from adrl.commands.options import console, parse
+from adrl.commands.options import parse
+from adrl.commands.progress import console
 from adrl.evaluation.calibration import calibrate
 from adrl.evaluation.drive_bags import read_bag
 from adrl.evaluation.drives import read_drives

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Literal
 
 from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, POSE_TOPIC, SCAN_TOPIC
-from adrl.commands.options import console, load_place, parse
+from adrl.commands.options import load_place, parse, tell_guidance
+from adrl.commands.progress import console
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError
 from adrl.imitation import BagSummary, BagTopics, Source, collect, read_demonstrations, save_minari
@@ -24,8 +25,9 @@ class CollectOptions(Place):
     """Folder of the new Minari dataset."""
     robot: str = "diffbot"
     """A robot's name (adrl list) or a TOML file; with --bag, the robot that drove."""
-    guidance: Literal["goal", "replan", "map"] = "goal"
-    """What the observations show: the final goal (replan: its own waypoint when blocked), or one on the A* path."""
+    guidance: Literal["goal", "replan", "map"] | None = None
+    """What the observations show: the final goal (replan: its own waypoint when blocked), or one on the A* path. Left
+    out: map with --map or --world, else goal, as adrl train has it."""
     steps: int = 20_000
     """Environment steps to record."""
     seed: int = 0
@@ -98,11 +100,12 @@ def _refuse_others(options: CollectOptions) -> None:
 def _from_simulator(options: CollectOptions) -> int:
     if options.seed < 0:
         raise ConfigError(f"seed is {options.seed}; give 0 or more")
+    tell_guidance(options, options.guidance)
     env = NavVectorEnv(
         options.num_envs,
         scenario=load_place(options),
         robot=options.robot,
-        guidance=options.guidance,
+        guidance=options.guidance or options.default_guidance,
         encoder=options.encoder,
         task_priority=0.0,
     )

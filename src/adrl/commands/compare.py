@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from adrl.commands.job_bar import job_bar
-from adrl.commands.options import console, parse
+from adrl.commands.options import parse, tell_guidance
+from adrl.commands.progress import console, job_bar
 from adrl.comparison.compare import compare
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.results import rich_table
@@ -20,6 +20,7 @@ def main(arguments: Sequence[str]) -> int:
         "same tasks, beside A*+DWA. The same command again goes on where it was stopped.",
     )
     require_folder("--out", config.out)
+    tell_guidance(config, config.guidance)
     with job_bar("comparing") as show:
         result = compare(config, show)
     console().print(rich_table(result.rows, config.title()))

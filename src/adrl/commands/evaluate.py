@@ -6,13 +6,8 @@ from pathlib import Path
 from typing import Literal
 
 from adrl import api
-from adrl.commands.options import (
-    console,
-    counting_bar,
-    load_place,
-    parse,
-    write_document,
-)
+from adrl.commands.options import load_place, parse, write_document
+from adrl.commands.progress import console, counting_bar
 from adrl.errors import ConfigError
 from adrl.evaluation.results import comparison_table
 from adrl.outputs import require_file, require_folder

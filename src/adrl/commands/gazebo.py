@@ -8,16 +8,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from adrl import api, files
-from adrl.commands.options import (
-    Runner,
-    console,
-    counting_bar,
-    load_place,
-    parse,
-    progress_bar,
-    subcommand,
-    write_document,
-)
+from adrl.commands.options import Runner, load_place, parse, subcommand, write_document
+from adrl.commands.progress import console, counting_bar, progress_bar
 from adrl.errors import ConfigError
 from adrl.evaluation.calibration import calibrate
 from adrl.evaluation.drives import DriveRecorder

@@ -1,15 +1,13 @@
 """Parsing and showing, as all commands do it."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import tyro
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from adrl import files
+from adrl.commands.progress import console
 from adrl.errors import UnknownName
 
 if TYPE_CHECKING:
@@ -59,6 +57,15 @@ def load_place(place: "Place") -> "Scenario":
     return scenario
 
 
+def tell_guidance(place: "Place", guidance: str | None) -> None:
+    """A line where guidance was left out and is not goal: what drives the policy is not to be a surprise."""
+    if guidance is None and place.default_guidance != "goal":
+        console().print(
+            f"guidance {place.default_guidance}: the policy is shown the way on the map; for a robot that has no "
+            "map give --guidance replan"
+        )
+
+
 def write_document(path: Path | None, document: Mapping[str, Any]) -> None:
     """What option --json asks for: the file, or standard output for -, or nothing."""
     if path is None:
@@ -67,34 +74,3 @@ def write_document(path: Path | None, document: Mapping[str, Any]) -> None:
         print(files.to_json(document))
     else:
         files.write_json(path, document)
-
-
-def console() -> Console:
-    """Where tables and bars go: standard error keeps standard output clean for data."""
-    return Console(stderr=True)
-
-
-@contextmanager
-def progress_bar(description: str) -> Iterator[tuple[Progress, Any]]:
-    """A live bar from 0 to 1 with the time left."""
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:>3.0f}%"),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[note]}"),
-    )
-    with Progress(*columns, console=console()) as bar:
-        yield bar, bar.add_task(description, total=1.0, note="")
-
-
-@contextmanager
-def counting_bar(description: str, things: str) -> Iterator[Callable[[int, int], None]]:
-    """A live bar; the function to call with how many of the things have ended, of how many."""
-    with progress_bar(description) as (bar, task):
-
-        def show(ended: int, total: int) -> None:
-            bar.update(task, completed=ended / total, note=f"{ended} of {total} {things}")
-
-        yield show

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import tyro
 
 from adrl import api
-from adrl.commands.options import console, counting_bar, parse
+from adrl.commands.options import parse
+from adrl.commands.progress import console, counting_bar
 from adrl.deploy.policy import CONFIG_FILE, WEIGHTS_FILE
 from adrl.errors import ConfigError
 from adrl.outputs import require_file

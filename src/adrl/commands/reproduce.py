@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from adrl.commands.job_bar import job_bar
-from adrl.commands.options import console, parse
+from adrl.commands.options import parse
+from adrl.commands.progress import console, job_bar
 from adrl.errors import ConfigError
 from adrl.outputs import require_folder
 from adrl.reproduction.reproduce import preset, reproduce

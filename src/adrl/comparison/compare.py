@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from adrl import files
+from adrl.agents.budget import require_end
 from adrl.baselines import SB3_METHODS, require_sb3
 from adrl.comparison.config import CompareConfig, differences
 from adrl.comparison.jobs import EPISODES_FILE, Job, all_jobs, concatenated, is_finished
@@ -44,8 +45,7 @@ def compare(
     in runs/. Raises AdrlError, before any work, for settings that cannot be or that differ from those of the results in
     the folder.
     """
-    if config.learner.steps is None and config.learner.max_seconds is None:
-        raise ConfigError("every run needs an end; give --steps or --max-seconds")
+    require_end(config.learner)
     if set(config.method_names) & SB3_METHODS.keys():
         require_sb3()
     if config.ray is not None:

@@ -61,7 +61,7 @@ class CompareConfig(RunConfig):
         for name in self.method_names:
             look_up("method", name, {**METHODS, **SB3_METHODS, ALL: None})
         # The training's too: a worker would be the first to see it where the evaluation has its own.
-        for name in (self.guidance, *self.guidance_names):
+        for name in (self.resolved_guidance(), *self.guidance_names):
             if name not in GUIDANCE:
                 raise UnknownName("guidance", name, GUIDANCE)
         for name, least in (("seeds", 1), ("episodes", 1), ("workers", 0)):
@@ -79,7 +79,7 @@ class CompareConfig(RunConfig):
     @property
     def guidance_names(self) -> tuple[str, ...]:
         """Guidance of the evaluations, each once."""
-        listed = (self.eval_guidance or self.guidance).split(",")
+        listed = (self.eval_guidance or self.resolved_guidance()).split(",")
         return tuple(dict.fromkeys(name.strip() for name in listed))
 
     def run(self, method: str, seed: int, out: Path) -> RunConfig:
@@ -97,8 +97,8 @@ class CompareConfig(RunConfig):
         budgets = [] if learner.steps is None else [f"{learner.steps} steps"]
         budgets += [] if learner.max_seconds is None else [f"{learner.max_seconds:g} s"]
         return (
-            f"scenario {self.load().name}, robot {load_robot(self.robot).name}, trained with guidance {self.guidance} "
-            f"for {' or '.join(budgets)}, {self.episodes} {self.split} tasks"
+            f"scenario {self.load().name}, robot {load_robot(self.robot).name}, trained with guidance "
+            f"{self.resolved_guidance()} for {' or '.join(budgets)}, {self.episodes} {self.split} tasks"
         )
 
     def document(self) -> dict[str, Any]:
@@ -114,6 +114,7 @@ class CompareConfig(RunConfig):
         # Names become what they stand for today: a robot's file may change.
         content["scenario"] = self.load().name
         content["robot"] = json.loads(json.dumps(asdict(load_robot(self.robot))))
+        content["guidance"] = self.resolved_guidance()
         content["eval_guidance"] = ",".join(self.guidance_names)
         return content
 

@@ -2,11 +2,13 @@
 
 import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from adrl import api, files
+from adrl.agents.budget import BudgetSpent
 from adrl.agents.checkpoint import FOLDER as CHECKPOINT_FOLDER
 from adrl.agents.metrics import METRICS_FILE
 from adrl.baselines import SB3_METHODS
@@ -138,7 +140,9 @@ def _train(config: RunConfig, method: str, out: Path, started_s: float) -> None:
     if method in SB3_METHODS:
         train_baseline(config, method, out, started_s)
     else:
-        train(config, start_time_s=started_s)
+        # A worker that was killed in its evaluation left the policy, which is evaluated anew.
+        with suppress(BudgetSpent):
+            train(config, start_time_s=started_s)
 
 
 def train_baseline(

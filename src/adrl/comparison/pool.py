@@ -16,6 +16,8 @@ CACHE_VARIABLE = "JAX_COMPILATION_CACHE_DIR"
 LOGS_FOLDER = "logs"
 CACHE_FOLDER = "cache"
 POLL_S = 0.2
+CHECKPOINT_S = 30.0
+"""A worker that is stopped may take so long to write its checkpoint."""
 
 
 def log_path(config: CompareConfig, job: Job) -> Path:
@@ -65,8 +67,7 @@ def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int
                     failed.append(job)
         tell(ended, 0)
     finally:
-        for _, process in running.values():
-            processes.close(process)
+        processes.end([process for _, process in running.values()], CHECKPOINT_S)
         shutil.rmtree(config.out / CACHE_FOLDER, ignore_errors=True)
     return failed
 

@@ -31,6 +31,9 @@ def main() -> int:
     except AdrlError as error:
         print(f"adrl: error: {error}", file=sys.stderr)  # noqa: T201
         return 2
+    except KeyboardInterrupt as stop:
+        print(f"adrl: {stop}", file=sys.stderr)  # noqa: T201
+        return 1
     return 0
 
 

@@ -85,6 +85,8 @@ def _curve(axes: Axes, rows: Mapping[str, Array], name: str, *, scale: float = 1
     """One quantity of one run; rows where it is null are joined over."""
     values = rows.get(name, np.empty(0))
     known = np.flatnonzero(np.isfinite(values))
+    if len(known) == 1:  # a line of one point is not to be seen
+        style |= {"marker": "o"}
     axes.plot(rows["wall_s"][known], scale * values[known], linewidth=1.8, markersize=4, **style)
 
 

@@ -147,7 +147,7 @@ def _about(placed: Mapping[str, CompareConfig], name: str) -> dict[str, Any]:
     scenarios = {
         scenario: {
             "title": config.title(),
-            "guidance": config.guidance,
+            "guidance": config.resolved_guidance(),
             "evaluated": list(config.guidance_names),
             "steps": config.learner.steps,
             "seeds": config.seeds,

@@ -9,6 +9,7 @@ from typing import Any
 from adrl.errors import ConfigError
 from adrl.types import Scenario
 from adrl.worlds import BarnScenario, MapScenario, SdfScenario, get_scenario
+from adrl.worlds.fixed import FixedWorld
 from adrl.worlds.ros_map import Unknown
 
 
@@ -55,6 +56,12 @@ class Place:
         for name, kind in (("models", Path), ("ignore", str)):
             saved[name] = tuple(map(kind, saved.get(name, ())))
         return Place(**saved)
+
+    @property
+    def default_guidance(self) -> str:
+        """map where one world is given, as its map shows the way; goal in worlds that are drawn."""
+        given = self.map is not None or self.world is not None or isinstance(self.scenario, FixedWorld)
+        return "map" if given else "goal"
 
     def load(self) -> Scenario:
         """The scenario, map or worlds, read once.
