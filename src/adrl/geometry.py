@@ -4,6 +4,9 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 Pose = tuple[float, float, float]
 """x (m), y (m), yaw (rad)."""
 
@@ -31,3 +34,12 @@ def yaw_of(q: Any) -> float:
     if not 0.5 < q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z < 2.0:
         return math.nan
     return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
+
+
+def in_robot_frame(pose: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 3) poses, (N, 2) points in the world -> (N, 2) as the robots see them: x ahead, y to the left."""
+    offset = points - pose[:, :2]
+    cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    return np.stack(
+        [cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]], axis=1
+    )

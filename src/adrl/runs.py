@@ -325,7 +325,7 @@ def about_policy(
         input_size=1,  # set by the learner, as is the next
         widths=config.learner.td3.widths,
         robot=asdict(robot),
-        encoder=asdict(config.encoder),
+        encoder=config.encoder.fields(),
         guidance=guidance,
         method=method_name(config.method),
         extra={

@@ -69,7 +69,8 @@ class Source:
         """The same as JSON gives it back, with the version of ADRL."""
         from adrl import __version__
 
-        return json.loads(json.dumps({"version": __version__} | asdict(self), allow_nan=False))
+        fields = asdict(self) | {"encoder": self.encoder.fields()}
+        return json.loads(json.dumps({"version": __version__} | fields, allow_nan=False))
 
 
 def save_minari(demonstrations: Demonstrations, path: PathLike, source: Source) -> None:

@@ -1,19 +1,19 @@
 """What a policy sees: scan, goal, twist, last action and motion cues, in one vector. Training and robots share it."""
 
-from adrl.observation.encoder import (
-    EncoderConfig,
-    Mirror,
-    ObservationEncoder,
-    footprint_extent,
-    in_robot_frame,
-    to_action,
-    to_twist,
-)
+from adrl.geometry import in_robot_frame
+from adrl.observation.actions import to_action, to_twist
+from adrl.observation.component import Component, Mirror, Senses
+from adrl.observation.config import EncoderConfig
+from adrl.observation.encoder import COMPONENTS, ObservationEncoder
+from adrl.observation.scan import footprint_extent
 
 __all__ = [
+    "COMPONENTS",
+    "Component",
     "EncoderConfig",
     "Mirror",
     "ObservationEncoder",
+    "Senses",
     "footprint_extent",
     "in_robot_frame",
     "to_action",

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl import _core
+from adrl.observation.component import F32, Mirror, Senses
+from adrl.observation.config import EncoderConfig
 from adrl.types import Array, RobotConfig
-
-F32 = NDArray[np.float32]
 
 ROUNDING_M = 0.02
 """Apparent motion of still surfaces between beams; three standard deviations of the range noise come on top."""
@@ -48,6 +48,15 @@ class ScanHistory:
         motion.compute(ranges[newest], odometry[newest], ranges[oldest], odometry[oldest], out)
         return out
 
+    def of(self, rows: NDArray[np.intp]) -> "ScanHistory":
+        """A copy, of the robots `rows` (M,) alone."""
+        past = self.arrays["past_ranges"][:, rows]
+        part = ScanHistory(len(rows), past.shape[2], len(past) - 1)
+        part.arrays["past_ranges"][:] = past
+        part.arrays["past_odometry"][:] = self.arrays["past_odometry"][:, rows]
+        part.arrays["newest"][:] = self.arrays["newest"]
+        return part
+
 
 class CueSettings(NamedTuple):
     """The arguments of _core.MotionCue, which has the same names."""
@@ -86,3 +95,23 @@ def motion_cue(robot: RobotConfig, num_sectors: int, steps: int) -> "_core.Motio
     by its odometry, so that still surroundings read 0 up to noise while it drives and turns.
     """
     return _core.MotionCue(*cue_settings(robot, num_sectors, steps))
+
+
+class MotionCues:
+    """num_sectors numbers in [-1, 1]: what has come, negative, or gone since history_steps control periods ago."""
+
+    limit = 1.0
+
+    def __init__(self, robot: RobotConfig, config: EncoderConfig) -> None:
+        self.size = config.num_sectors
+        self._motion = motion_cue(robot, config.num_sectors, config.history_steps)
+
+    def write(self, senses: Senses, out: F32) -> None:
+        """Fill (N, S). Raises ValueError without the history of the scans."""
+        if senses.history is None:
+            raise ValueError("an encoder with motion cues needs the history of the scans")
+        out[:] = senses.history.cues(self._motion, self.size)
+
+    def mirror(self) -> Mirror | None:
+        """The sectors in reverse."""
+        return Mirror(np.arange(self.size)[::-1], np.ones(self.size, np.float32))
