@@ -163,6 +163,7 @@ void bind_batch_sim(nb::module_ &m) {
         .def_rw("clearance_limit_m", &SimConfig::clearance_limit)
         .def_rw("lookahead_m", &SimConfig::lookahead)
         .def_rw("dwa_lookahead_m", &SimConfig::dwa_lookahead)
+        .def_rw("waypoint_is_given", &SimConfig::waypoint_is_given)
         .def_rw("dwa", &SimConfig::dwa);
     nb::class_<BoundGuide>(m, "PathGuide")
         .def(nb::new_(&make_guide), nb::arg("world"), nb::arg("robot"), nb::arg("config"), nb::arg("path").noconvert())

@@ -211,6 +211,7 @@ void BatchSim::guide(int i) {
     const Guided guided = follow_path(*task.world, task.path, rules_, {b_.pose[3 * i], b_.pose[3 * i + 1]}, along);
     along = guided.along;
     b_.route_left[i] = guided.left;
+    if (config_.waypoint_is_given) return;
     const Vec2 waypoint = rules_.lookahead > 0.0 ? guided.waypoint : task.goal;
     b_.waypoint[2 * i] = waypoint.x;
     b_.waypoint[2 * i + 1] = waypoint.y;

@@ -79,6 +79,7 @@ struct SimConfig {
     double clearance_limit = 1.0; // clearances are reported up to this, metres
     double lookahead = 1.5;       // of the waypoint, metres along the path; 0 leaves the waypoint at the goal
     double dwa_lookahead = 1.0;
+    bool waypoint_is_given = false; // others write the waypoints: a replanner
     DwaConfig dwa;
 };
 

@@ -122,6 +122,8 @@ class SimConfig:
     lookahead_m: float
     """Of the waypoint along the path; 0 leaves the waypoint at the goal."""
     dwa_lookahead_m: float
+    waypoint_is_given: bool
+    """The simulator leaves the waypoints alone: a replanner writes them."""
     dwa: DwaConfig
 
 class PathGuide:

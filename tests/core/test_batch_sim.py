@@ -187,6 +187,12 @@ def test_waypoint_and_rest_of_the_route_follow_the_path():
     config.lookahead_m = 0.0
     to_goal = Fleet([a_task(EMPTY, goal=(2.0, 3.0), path=path)], a_robot(), config=config).reset()
     assert_array_equal(to_goal.b["waypoint"][0], [2.0, 3.0])
+    config.waypoint_is_given = True
+    led = Fleet([a_task(EMPTY, goal=(2.0, 3.0), path=path)], a_robot(), config=config).reset()
+    led.b["waypoint"][0] = (7.0, 8.0)
+    led.step((1.0, 0.0))
+    assert_array_equal(led.b["waypoint"][0], [7.0, 8.0])
+    assert led.b["route_left"][0] < 5.0
 
 
 # --- bad buffers --------------------------------------------------------------------------------

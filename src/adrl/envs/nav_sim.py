@@ -25,6 +25,8 @@ from adrl.types import GUIDANCE, Array, RobotConfig, Task
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
+Rows = NDArray[np.intp] | slice
+ALL = slice(None)
 
 
 class Body(Protocol):
@@ -152,15 +154,20 @@ class NavSim:
             )
         # A robot that has just started is not stagnant: its window begins full.
         self._displacements[indices] = self.robot.max_speed_mps * self.robot.control_period_s
-        self._features[indices] = features(self._snapshot(), self.reward)[indices]
+        self._features[indices] = features(self._snapshot(indices), self.reward)
 
-    def observe(self) -> F32:
-        """(N, D) observations, a new array."""
+    def observe(self, rows: Rows = ALL) -> F32:
+        """(N, D) observations, a new array; of the robots `rows` (M,) alone, (M, D)."""
         b = self.b
         # A known map comes with localisation; mapless robots only have their odometry.
         pose = b["pose"] if self.guidance == "map" else b["odometry"]
-        goal = in_robot_frame(pose, b["waypoint"])
-        return self.encoder.encode(b["ranges"], goal, b["twist"], self._last_action, self._history)
+        goal = in_robot_frame(pose[rows], b["waypoint"][rows])
+        history = self._history
+        if history is not None and not isinstance(rows, slice):
+            history = history.of(rows)
+        return self.encoder.encode(
+            b["ranges"][rows], goal, b["twist"][rows], self._last_action[rows], history
+        )
 
     def step(self, actions: F32) -> Outcome:
         """Execute (N, 2) normalised actions for one control period on every active robot."""
@@ -178,10 +185,9 @@ class NavSim:
             self.native.follow(before_pose)
         if self._history is not None:
             self._history.add(b["ranges"], b["odometry"])
-        if self.replanner is not None:
-            b["waypoint"][:] = before_waypoint  # the step is judged by the point it was driven for
         moved = np.hypot(*(b["pose"][:, :2] - before_pose[:, :2]).T)
-        self._displacements = np.concatenate([self._displacements[:, 1:], moved[:, None]], axis=1)
+        self._displacements[:, :-1] = self._displacements[:, 1:]
+        self._displacements[:, -1] = moved
         reached, collided = b["reached"].astype(bool), b["collided"].astype(bool)
         timed_out = (b["time"] >= self._time_limit_s - 1e-6) & ~reached & ~collided
         step = self._snapshot(
@@ -253,15 +259,15 @@ class NavSim:
             if task is not None:
                 self.native.set_task(i, task.native)
 
-    def _distance(self) -> Array:
+    def _distance(self, rows: Rows = ALL) -> Array:
         """(N,) metres to the goal: straight, or along the path for guidance `map`.
 
         For `replan` straight to the waypoint and from there along the robot's own route, which no step changes.
         """
         if self.guidance == "map":
-            return self.b["route_left"].copy()
-        straight = np.hypot(*(self.b["waypoint"] - self._guided_pose()[:, :2]).T)
-        return straight if self.replanner is None else straight + self.replanner.beyond_m
+            return self.b["route_left"][rows].copy()
+        straight = np.hypot(*(self.b["waypoint"][rows] - self._guided_pose()[rows, :2]).T)
+        return straight if self.replanner is None else straight + self.replanner.beyond_m[rows]
 
     def _guided_pose(self) -> Array:
         """(N, 3) poses in the frame that waypoints are given in: replanned ones are in the odometry's."""
@@ -282,23 +288,23 @@ class NavSim:
                 distance[i] = np.hypot(*offsets.T).min(initial=np.inf)
         return distance
 
-    def _snapshot(self, **changes: Any) -> Step:
-        """The current state as the reward sees it; without changes, one in which nothing has moved."""
-        n = self.num_envs
-        distance = self._distance()
-        error = _heading_error(self._guided_pose(), self.b["waypoint"])
+    def _snapshot(self, rows: Rows = ALL, **changes: Any) -> Step:
+        """The current state of robots as the reward sees it; without changes, one in which nothing has moved."""
+        distance = self._distance(rows)
+        n = len(distance)
+        if "heading_error_rad" not in changes:
+            error = _heading_error(self._guided_pose()[rows], self.b["waypoint"][rows])
+            changes |= {"heading_error_rad": error, "previous_heading_error_rad": error}
         values: dict[str, Any] = {
             "reached": np.zeros(n, dtype=bool),
             "collided": np.zeros(n, dtype=bool),
             "timed_out": np.zeros(n, dtype=bool),
-            "speed_mps": self.b["twist"][:, 0],
-            "yaw_rate_radps": self.b["twist"][:, 1],
+            "speed_mps": self.b["twist"][rows, 0],
+            "yaw_rate_radps": self.b["twist"][rows, 1],
             "distance_m": distance,
             "previous_distance_m": distance,
-            "heading_error_rad": error,
-            "previous_heading_error_rad": error,
-            "clearance_m": self.b["clearance"],
-            "mean_displacement_m": self._displacements.mean(axis=1),
+            "clearance_m": self.b["clearance"][rows],
+            "mean_displacement_m": self._displacements[rows].mean(axis=1),
             "displacement_m": np.zeros(n),
             "turn_rad": np.zeros(n),
             "coordinate_distance_m": np.full(n, np.inf),
@@ -306,7 +312,7 @@ class NavSim:
             "max_speed_mps": self.robot.max_speed_mps,
             "max_yaw_rate_radps": self.robot.max_yaw_rate_radps,
             "dt_s": self.robot.control_period_s,
-            "quantities": {name: quantity(self) for name, quantity in self._quantities.items()},
+            "quantities": {name: quantity(self)[rows] for name, quantity in self._quantities.items()},
         }
         return Step(**(values | changes))
 

@@ -18,6 +18,7 @@ def sim_config(robot: RobotConfig, guidance: str) -> "_core.SimConfig":
     """How far ahead robots look along their paths, in the simulator and out of it."""
     config = _core.SimConfig()
     config.lookahead_m = LOOKAHEAD_M if guidance == "map" else 0.0
+    config.waypoint_is_given = guidance == "replan"
     config.dwa_lookahead_m = min(max(1.5 * robot.max_speed_mps, 0.5), 3.0)
     return config
 
