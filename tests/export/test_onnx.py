@@ -3,8 +3,10 @@
 import dataclasses
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
+import onnx
 import onnxruntime
 import pytest
 
@@ -43,13 +45,34 @@ def ours(policy: MlpPolicy, robot: RobotConfig, rows: ScanRows):
 
 
 def theirs(policy: MlpPolicy, rows: ScanRows):
-    """(N, 2) actions and velocities of the exported model."""
-    session = onnxruntime.InferenceSession(to_onnx(policy), providers=["CPUExecutionProvider"])
-    given = {
-        spec.name: getattr(rows, spec.name).astype(np.float64 if "pose" in spec.name else np.float32)
-        for spec in session.get_inputs()
-    }
+    """(N, 2) actions and velocities of the exported model, in onnxruntime."""
+    return by_onnxruntime(to_onnx(policy), rows)
+
+
+def by_onnxruntime(model: bytes | Path, rows: ScanRows):
+    session = onnxruntime.InferenceSession(model, providers=["CPUExecutionProvider"])
+    given = fed(rows, [spec.name for spec in session.get_inputs()])
     return tuple(map(np.asarray, session.run(["action", "velocity"], given)))
+
+
+def by_openvino(model: bytes, rows: ScanRows, **settings: str):
+    openvino = pytest.importorskip("openvino")
+    core = openvino.Core()
+    compiled = core.compile_model(core.read_model(model), "CPU", settings)
+    out = compiled(fed(rows, [given.any_name for given in compiled.inputs]))
+    return out["action"], out["velocity"]
+
+
+def by_openvino_in_full(model: bytes, rows: ScanRows):
+    """Newer processors compute in bfloat16 if not told otherwise."""
+    return by_openvino(model, rows, INFERENCE_PRECISION_HINT="f32")
+
+
+RUNTIMES = {"onnxruntime": by_onnxruntime, "openvino": by_openvino, "openvino-f32": by_openvino_in_full}
+
+
+def fed(rows: ScanRows, names: list[str]) -> dict[str, np.ndarray]:
+    return {name: getattr(rows, name).astype(np.float64 if "pose" in name else np.float32) for name in names}
 
 
 @pytest.mark.parametrize("history_steps", [0, 5])
@@ -110,6 +133,69 @@ def test_one_beam_of_nan_is_told_and_touches_no_other_robot(history_steps: int, 
     for got, before in zip(broken, sound, strict=True):
         assert np.isnan(got[:4]).all()
         np.testing.assert_array_equal(got[4:], before[4:])
+
+
+@pytest.mark.parametrize("runtime", RUNTIMES)
+@pytest.mark.parametrize("fault", [np.nan, np.inf, -np.inf, 1e30])
+@pytest.mark.parametrize("name", ["goal", "twist", "last_action", "pose", "past_pose"])
+def test_what_is_no_measurement_is_told_in_every_runtime(runtime: str, name: str, fault: float):
+    """Never a speed: a robot with a fault in any input, and no other one, gets NaN."""
+    policy = a_policy(ROBOTS["diffbot"], history_steps=5)
+    rows, model = random_rows(ROBOTS["diffbot"], 5, seed=4), to_onnx(policy)
+    sound = RUNTIMES[runtime](model, rows)
+    given = getattr(rows, name).copy()
+    for row, column in ((1, 0), (3, 1)):
+        given[row, column] = fault
+    broken = RUNTIMES[runtime](model, dataclasses.replace(rows, **{name: given}))
+    for got, before in zip(broken, sound, strict=True):
+        assert np.isnan(got[[1, 3]]).all()
+        np.testing.assert_allclose(got[[0, 2, 4]], before[[0, 2, 4]], atol=1e-6)
+
+
+@pytest.mark.parametrize("history_steps", [0, 5])
+def test_openvino_agrees(history_steps: int):
+    robot = ROBOTS["jackal"]
+    policy = a_policy(robot, history_steps=history_steps)
+    rows = random_rows(robot, 50, seed=6)
+    rows.ranges[:, ::7] = np.inf
+    read = dataclasses.replace(rows, ranges=np.minimum(rows.ranges, np.float32(robot.lidar.max_range_m)))
+    expected = ours(policy, robot, read)
+    for got, wanted in zip(by_openvino_in_full(to_onnx(policy), rows), expected, strict=True):
+        np.testing.assert_allclose(got, wanted, atol=1e-4)
+    rows.ranges[7, 100] = np.nan
+    action, velocity = by_openvino_in_full(to_onnx(policy), rows)
+    assert np.isnan(action[7]).all()
+    assert np.isnan(velocity[7]).all()
+    assert np.isfinite(np.delete(action, 7, axis=0)).all()
+
+
+@pytest.mark.parametrize("history_steps", [0, 5])
+def test_it_can_be_quantised(history_steps: int, tmp_path: Path):
+    """By onnxruntime's own two steps; the network's nodes are found by their names, the encoder keeps its precision."""
+    from onnxruntime.quantization import QuantType, quantize_dynamic
+    from onnxruntime.quantization.shape_inference import quant_pre_process
+
+    robot = ROBOTS["diffbot"]
+    policy = a_policy(robot, history_steps=history_steps)
+    model = onnx.load_from_string(to_onnx(policy))
+    names = [node.name for node in model.graph.node]
+    assert len(set(names)) == len(names)
+    parts = {"inputs", "sectors", "goal", "twist", "network", "outputs"}
+    assert {name.split("/")[0] for name in names} == parts | ({"motion"} if history_steps else set())
+    paths = [tmp_path / name for name in ("plain.onnx", "prepared.onnx", "small.onnx")]
+    onnx.save(model, paths[0])
+    quant_pre_process(paths[0], paths[1])
+    quantize_dynamic(
+        paths[1],
+        paths[2],
+        weight_type=QuantType.QUInt8,
+        nodes_to_exclude=[name for name in names if not name.startswith("network/")],
+    )
+    rows = random_rows(robot, 100, seed=1)
+    expected = ours(policy, robot, rows)[0]
+    np.testing.assert_allclose(by_onnxruntime(paths[1], rows)[0], expected, atol=1e-5)
+    assert "DynamicQuantizeLinear" in {node.op_type for node in onnx.load(paths[2]).graph.node}
+    assert np.abs(by_onnxruntime(paths[2], rows)[0] - expected).mean() < 0.1
 
 
 def test_the_model_says_what_it_is_for():

@@ -12,12 +12,15 @@ from adrl.deploy.setup import setup_of
 from adrl.errors import MissingExtra
 from adrl.observation import ObservationEncoder
 from adrl.observation.motion import CueSettings, cue_settings
+from adrl.types import LidarConfig
 
 OPSET = 18
 """The first in which ScatterElements takes the greatest of what falls on one place."""
 IR_VERSION = 10
 SLACK = 1e-3
 """Of core/world/motion_cue.cpp: a point this near, in beams or sectors, to a border is on both sides of it."""
+GREATEST = 1e6
+"""Of metres, speeds and actions: a number beyond is a fault, as NaN is."""
 ATAN = (0.0208351, -0.0851330, 0.1801410, -0.3302995, 0.9998660)
 """Of rough_atan2 in core/world/geometry.hpp."""
 
@@ -27,6 +30,8 @@ class Graph:
 
     def __init__(self, onnx: Any) -> None:
         self._onnx = onnx
+        self.part = ""
+        """What the next nodes are of; begins their names, so that tools can name a part, as those that quantise do."""
         self.nodes: list[Any] = []
         self.constants: list[Any] = []
 
@@ -39,7 +44,8 @@ class Graph:
     def op(self, kind: str, *inputs: str, output: str | None = None, **attributes: Any) -> str:
         """One node."""
         name = output or f"v{len(self.nodes)}"
-        self.nodes.append(self._onnx.helper.make_node(kind, list(inputs), [name], **attributes))
+        label = f"{self.part}/{kind}_{len(self.nodes)}"
+        self.nodes.append(self._onnx.helper.make_node(kind, list(inputs), [name], name=label, **attributes))
         return name
 
     def columns(self, value: str, *, start: int, stop: int) -> str:
@@ -56,10 +62,13 @@ def to_onnx(policy: MlpPolicy) -> bytes:
     """The model of a policy, N robots at once.
 
     Inputs, float32: ranges (N, K) metres of the trained LiDAR, those beyond its reach, infinite ones among them, taken
-    as its reach; a NaN among a robot's ranges makes its outputs NaN. goal (N, 2) metres, in the robot's frame; twist
-    (N, 2) measured speed and yaw rate; last_action (N, 2). With motion cues also past_ranges (N, K) of history_steps
-    control periods ago, and, float64, pose and past_pose (N, 3) by odometry. Outputs: action (N, 2) in [-1, 1] and
-    velocity (N, 2), m/s and rad/s. Metadata: robot, encoder, guidance, method, maturity, version, as JSON.
+    as its reach; goal (N, 2) metres, in the robot's frame; twist (N, 2) measured speed and yaw rate; last_action
+    (N, 2). With motion cues also past_ranges (N, K) of history_steps control periods ago, and, float64, pose and
+    past_pose (N, 3) by odometry.
+
+    Outputs: action (N, 2) in [-1, 1] and velocity (N, 2), m/s and rad/s. Both are NaN for a robot of which any input is
+    NaN, or any but a range is infinite or beyond GREATEST: stop it. Nodes are named by their part: inputs, sectors,
+    goal, twist, motion, network, outputs. Metadata: robot, encoder, guidance, method, maturity, version, as JSON.
 
     Raises MissingExtra without onnx, CheckpointError.
     """
@@ -70,24 +79,26 @@ def to_onnx(policy: MlpPolicy) -> bytes:
     setup = setup_of(policy)
     encoder = ObservationEncoder(setup.robot, setup.encoder)
     graph = Graph(onnx)
-    steps = setup.encoder.history_steps
-    ranges = _within_reach(graph, "ranges", setup.robot.lidar.max_range_m)
-    parts = [_sectors(graph, encoder, ranges), _goal(graph, setup.encoder.goal_scale_m)]
+    with_motion = setup.encoder.history_steps > 0
+    given = _inputs(graph, setup.robot.lidar, with_motion=with_motion)
     fastest = [setup.robot.max_speed_mps, setup.robot.max_yaw_rate_radps]
-    parts += [graph.op("Div", "twist", graph.constant([fastest])), "last_action"]
-    if steps > 0:
-        past = _within_reach(graph, "past_ranges", setup.robot.lidar.max_range_m)
-        parts.append(
-            _motion(graph, cue_settings(setup.robot, setup.encoder.num_sectors, steps), ranges, past)
-        )
-    scans = ["ranges", "past_ranges"] if steps > 0 else ["ranges"]
-    action = _network(graph, policy, graph.op("Concat", *parts, axis=1))
-    action = graph.op("Where", _has_nan(graph, scans), graph.constant(math.nan), action, output="action")
+    parts = [
+        _sectors(graph, encoder, given["ranges"]),
+        _goal(graph, given["goal"], setup.encoder.goal_scale_m),
+        _twist(graph, given["twist"], fastest),
+        given["last_action"],
+    ]
+    if with_motion:
+        cue = cue_settings(setup.robot, setup.encoder.num_sectors, setup.encoder.history_steps)
+        parts.append(_motion(graph, cue, given))
+    action = _network(graph, policy, parts)
+    graph.part = "outputs"
+    action = graph.op("Where", given[FAULTY], graph.constant(math.nan), action, output="action")
     span = setup.robot.max_speed_mps - setup.robot.min_speed_mps
     scaled = graph.op("Mul", action, graph.constant([[0.5 * span, fastest[1]]]))
     offset = graph.constant([[setup.robot.min_speed_mps + 0.5 * span, 0.0]])
     graph.op("Add", scaled, offset, output="velocity")
-    return _model(onnx, graph, policy, setup.robot.lidar.num_beams, with_motion=steps > 0)
+    return _model(onnx, graph, policy, setup.robot.lidar.num_beams, with_motion=with_motion)
 
 
 def _model(onnx: Any, graph: Graph, policy: MlpPolicy, beams: int, *, with_motion: bool) -> bytes:
@@ -130,42 +141,77 @@ def metadata(policy: MlpPolicy) -> dict[str, str]:
     }
 
 
-def _within_reach(graph: Graph, ranges: str, greatest_m: float) -> str:
-    """(N, K) the same ranges from 0 to the LiDAR's reach; 0 for NaN, which has no place among sectors."""
-    ranges = graph.op("Where", graph.op("IsNaN", ranges), graph.constant(0.0), ranges)
-    return graph.op("Clip", ranges, graph.constant(0.0), graph.constant(greatest_m))
+FAULTY = "faulty"
+"""(N, 1) whether a robot's inputs hold something that is no measurement."""
 
 
-def _has_nan(graph: Graph, scans: list[str]) -> str:
-    """(N, 1) whether a scan holds a NaN, which minima and activations may or may not pass on."""
-    numbers = [graph.cast(graph.op("IsNaN", scan), np.float32) for scan in scans]
-    count = graph.op("ReduceMax", graph.op("Concat", *numbers, axis=1), graph.constant([1], np.int64))
-    return graph.op("Greater", count, graph.constant(0.0))
+def _inputs(graph: Graph, lidar: LidarConfig, *, with_motion: bool) -> dict[str, str]:
+    """Each input as numbers that every operation can take, and FAULTY.
+
+    NaN has no place among sectors and beams, and runtimes differ in what minima and activations make of it.
+    """
+    graph.part = "inputs"
+    given, faults = {}, []
+    scans = ["ranges", "past_ranges"] if with_motion else ["ranges"]
+    for scan in scans:
+        fault = graph.op("IsNaN", scan)
+        told = graph.op("Where", fault, graph.constant(0.0), scan)
+        given[scan] = graph.op("Clip", told, graph.constant(0.0), graph.constant(lidar.max_range_m))
+        faults.append(fault)
+    poses = ["pose", "past_pose"] if with_motion else []
+    for name in ["goal", "twist", "last_action", *poses]:
+        dtype = np.float64 if name in poses else np.float32
+        sound = graph.op("LessOrEqual", graph.op("Abs", name), graph.constant(GREATEST, dtype))
+        given[name] = graph.op("Where", sound, name, graph.constant(0.0, dtype))
+        faults.append(graph.op("Not", sound))
+    each = graph.op("Concat", *(graph.cast(fault, np.float32) for fault in faults), axis=1)
+    row = graph.op("Unsqueeze", each, graph.constant([1], np.int64))
+    width = len(scans) * lidar.num_beams + 6 + 3 * len(poses)
+    given[FAULTY] = graph.op("Greater", _greatest(graph, row, width), graph.constant(0.0))
+    return given
+
+
+def _greatest(graph: Graph, value: str, count: int) -> str:
+    """(N, C, count) -> (N, C). Pooled: what prepares models for quantisation cannot tell the shape of ReduceMax."""
+    pooled = graph.op("MaxPool", value, kernel_shape=[count])
+    return graph.op("Squeeze", pooled, graph.constant([2], np.int64))
 
 
 def _sectors(graph: Graph, encoder: ObservationEncoder, ranges: str) -> str:
     """(N, S) log-scaled nearest ranges; see ObservationEncoder.encode."""
+    graph.part = "sectors"
     greatest, near = encoder.robot.lidar.max_range_m, encoder.config.near_m
     # A column that reads the greatest range stands for the beams of sectors that have none.
     column = graph.op("Mul", graph.columns(ranges, start=0, stop=1), graph.constant(0.0))
     padded = graph.op("Concat", ranges, graph.op("Add", column, graph.constant(greatest)), axis=1)
     beams = graph.op("Gather", padded, graph.constant(encoder.beams_of_sectors, np.int64), axis=1)
-    nearest = graph.op("ReduceMin", beams, graph.constant([2], np.int64), keepdims=0)
+    per_sector = encoder.beams_of_sectors.shape[1]
+    nearest = graph.op("Neg", _greatest(graph, graph.op("Neg", beams), per_sector))
     gap = graph.op("Max", graph.op("Sub", nearest, graph.constant(encoder.extent_m)), graph.constant(0.0))
     log = graph.op("Log", graph.op("Add", graph.op("Div", gap, graph.constant(near)), graph.constant(1.0)))
     return graph.op("Div", log, graph.constant(math.log1p(greatest / near)))
 
 
-def _goal(graph: Graph, scale_m: float) -> str:
+def _goal(graph: Graph, goal: str, scale_m: float) -> str:
     """(N, 4) direction to the goal and its distance on two scales."""
-    distance = graph.op("ReduceL2", "goal", graph.constant([1], np.int64), keepdims=1)
-    direction = graph.op("Div", "goal", graph.op("Max", distance, graph.constant(1e-9)))
+    graph.part = "goal"
+    x, y = (graph.columns(goal, start=k, stop=k + 1) for k in range(2))
+    distance = graph.op("Sqrt", graph.op("Add", graph.op("Mul", x, x), graph.op("Mul", y, y)))
+    direction = graph.op("Div", goal, graph.op("Max", distance, graph.constant(1e-9)))
     near = graph.op("Div", distance, graph.op("Add", distance, graph.constant(scale_m)))
     far = graph.op("Min", graph.op("Mul", distance, graph.constant(0.1)), graph.constant(1.0))
     return graph.op("Concat", direction, near, far, axis=1)
 
 
-def _network(graph: Graph, policy: MlpPolicy, x: str) -> str:
+def _twist(graph: Graph, twist: str, fastest: list[float]) -> str:
+    """(N, 2) shares of the greatest speed and yaw rate."""
+    graph.part = "twist"
+    return graph.op("Div", twist, graph.constant([fastest]))
+
+
+def _network(graph: Graph, policy: MlpPolicy, parts: list[str]) -> str:
+    graph.part = "network"
+    x = graph.op("Concat", *parts, axis=1)
     *hidden, (weight, bias) = policy.layers
     for matrix, offset in hidden:
         x = graph.op("Relu", graph.op("Gemm", x, graph.constant(matrix), graph.constant(offset)))
@@ -175,12 +221,19 @@ def _network(graph: Graph, policy: MlpPolicy, x: str) -> str:
 # --- motion cues: core/world/motion_cue.cpp, operation by operation, in the same precision -----------------------
 
 
-def _motion(graph: Graph, cue: CueSettings, ranges: str, past: str) -> str:
+def _motion(graph: Graph, cue: CueSettings, given: dict[str, str]) -> str:
     """(N, S) what has come, negative, or gone."""
-    now, then = _sensor(graph, "pose", cue), _sensor(graph, "past_pose", cue)
+    graph.part = "motion"
+    ranges, past = given["ranges"], given["past_ranges"]
+    now, then = _sensor(graph, given["pose"], cue), _sensor(graph, given["past_pose"], cue)
+    zeros = graph.op(
+        "Mul",
+        graph.columns(given["goal"], start=0, stop=1),
+        graph.constant(np.zeros((1, cue.num_sectors))),
+    )
     numbers = graph.constant([np.arange(cue.num_beams)], np.float64)
-    come = _marks(graph, cue, ranges, now, then, past, numbers)
-    gone = _marks(graph, cue, past, then, now, ranges, None)
+    come = _marks(graph, cue, ranges, now, then, past, numbers, zeros)
+    gone = _marks(graph, cue, past, then, now, ranges, None, zeros)
     taken = graph.op("Greater", come, graph.constant(0.0))
     metres = graph.op("Where", taken, graph.op("Neg", come), gone)
     share = graph.op("Div", metres, graph.constant(cue.scale_m))
@@ -206,11 +259,19 @@ def _turned(graph: Graph, x: str | float, y: str | float, cos: str, sin: str) ->
 
 
 def _marks(
-    graph: Graph, cue: CueSettings, hits: str, source: Place, target: Place, other: str, beams: str | None
+    graph: Graph,
+    cue: CueSettings,
+    hits: str,
+    source: Place,
+    target: Place,
+    other: str,
+    beams: str | None,
+    zeros: str,
 ) -> str:
     """(N, S) greatest number of metres, in each sector, by which hits stand in what the other scan saw free.
 
     beams: (1, K) where the hits are marked, as numbers of beams; None marks them where the other sensor has them.
+    zeros: (N, S), where nothing is marked.
     """
     distance, beam = _look(graph, cue, hits, source, target)
     free = _free_beyond(graph, cue, other, beam, distance)
@@ -239,9 +300,9 @@ def _marks(
         for side in sides
     ]
     index = graph.cast(graph.op("Concat", *wrapped, axis=1), np.int64)
-    zeros = graph.op(
-        "Mul", graph.columns("goal", start=0, stop=1), graph.constant(np.zeros((1, cue.num_sectors)))
-    )
+    # Runtimes that compute with fewer digits than asked for round up to the number of sectors.
+    last = graph.constant(cue.num_sectors - 1, np.int64)
+    index = graph.op("Clip", index, graph.constant(0, np.int64), last)
     values = graph.op("Concat", metres, metres, axis=1)
     return graph.op("ScatterElements", zeros, index, values, axis=1, reduction="max")
 
