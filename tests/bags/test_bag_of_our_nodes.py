@@ -19,7 +19,7 @@ from integrations.ros_processes import Ros
 def ros1(tmp_path: Path) -> Iterator[Ros]:
     if not ((DIST_PACKAGES / "rospy").is_dir() and shutil.which("rosmaster") and shutil.which("rosbag")):
         (pytest.fail if os.environ.get("CI") == "true" else pytest.skip)(
-            "no ROS 1; on Debian: apt-get install python3-rospy python3-rosmaster rosbag"
+            "no ROS 1; on Debian: apt-get install python3-rospy python3-rosmaster python3-rosbag"
         )
     running = Ros(1, Path(sys.executable), tmp_path)
     yield running

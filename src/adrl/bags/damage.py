@@ -78,7 +78,14 @@ def mending(path: Path, error: Exception) -> str:
 
 _REINDEX = "run: ros2 bag reindex {path}"
 _MENDINGS = (
-    (("index", "header", "uint", "got only", "record", "assertion"), ".bag", "run: rosbag reindex {path}"),
+    (("is unknown",), ".bag", "its messages are of an old release; run: rosbag fix {path} NEW.bag"),
+    # rosbags takes the index in one layout only, and says no word of another.
+    (
+        ("assertion",),
+        ".bag",
+        "run: rosbag reindex {path}, or if that does not help: rosbag filter {path} NEW.bag True",
+    ),
+    (("index", "header", "uint", "got only", "record"), ".bag", "run: rosbag reindex {path}"),
     (("not a database", "malformed"), ".mcap", f"{METADATA} names another storage than .mcap; {_REINDEX}"),
     (("magic",), ".db3", f"{METADATA} names another storage than .db3; {_REINDEX}"),
     (("some database files are missing",), ".yaml", f"put them back, or {_REINDEX}"),

@@ -1,7 +1,7 @@
 """Drives from ROS recordings: bags of ROS 1, and of ROS 2 in both storage formats."""
 
-import itertools
 import math
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -66,7 +66,7 @@ def _resample(
     turns = np.exp(2j * math.pi * commands[:, 0] / period_s).mean()
     phase = float(np.angle(turns)) / (2.0 * math.pi) * period_s  # when in a period commands come
     parts = []
-    pairs = itertools.product(_stretches(odometry, period_s), _stretches(commands, period_s))
+    pairs = _side_by_side(_stretches(odometry, period_s), _stretches(commands, period_s))
     for number, (stretch, orders) in enumerate(pairs):
         low = max(stretch[0, 0], orders[0, 0] - 0.5 * period_s)
         high = min(stretch[-1, 0], orders[-1, 0] + 1.5 * period_s)
@@ -89,6 +89,17 @@ def _resample(
         )
     drive, time_s, told, done = (np.concatenate(columns) for columns in zip(*parts, strict=True))
     return Drives(drive.astype(np.int64), time_s, told, done, notes)
+
+
+def _side_by_side(first: list[Array], second: list[Array]) -> Iterator[tuple[Array, Array]]:
+    """Stretches of two topics that may overlap, in order of time."""
+    i = j = 0
+    while i < len(first) and j < len(second):
+        yield first[i], second[j]
+        if first[i][-1, 0] < second[j][-1, 0]:
+            i += 1
+        else:
+            j += 1
 
 
 def _stretches(table: Array, period_s: float) -> list[Array]:
