@@ -253,6 +253,16 @@ def test_the_commands_say_it(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "/odom: twist.twist.linear.x is always 0" in " ".join(capsys.readouterr().err.split())
 
 
+def test_topics_that_are_never_recorded_together_are_refused(tmp_path: Path) -> None:
+    edit = {
+        "/scan": lambda now_s, message: message if now_s < 5.0 else None,
+        "/odom": lambda now_s, message: message if now_s > 6.0 else None,
+    }
+    path = corridor_bag(tmp_path / "bag", edit=edit)
+    with pytest.raises(DatasetError, match="/scan and /odom never have messages at the same time"):
+        read(path)
+
+
 def test_times_of_two_centuries_take_no_more_memory_than_messages(
     tmp_path: Path, plain: Demonstrations
 ) -> None:

@@ -97,34 +97,39 @@ def read_recording(
         goals = read_goals(bag, topics.goal, topics.pose, transforms, odometry)
     for topic, times in ((topics.scan, lidar.times_s), (topics.odometry, odometry.times_s)):
         _require_rate(path, topic, times, robot)
-    wrong = _contradiction(path, topics.odometry, odometry)
-    if wrong is not None:
-        lidar = replace(
-            lidar, notes=(*lidar.notes, f"{topics.odometry}: {wrong}: speeds are taken from the poses")
+    number = _instants(lidar.times_s, odometry.times_s, robot.control_period_s)
+    if len(number) == 0:
+        raise DatasetError(
+            f"{path}: {topics.scan} and {topics.odometry} never have messages at the same time; record them together"
         )
-    return _on_periods(robot, lidar, odometry, commands, goals, speeds_of_poses=wrong is not None)
+    wrong = _contradiction(path, topics.odometry, odometry)
+    recording = _on_periods(robot, number, lidar, odometry, commands, goals)
+    if wrong is None:
+        return recording
+    return replace(
+        recording,
+        twist=driven_twists(odometry, recording.times_s, robot.control_period_s),
+        notes=(*recording.notes, f"{topics.odometry}: {wrong}: speeds are taken from the poses"),
+    )
 
 
 def _on_periods(
     robot: RobotConfig,
+    number: Array,
     lidar: LidarRecording,
     odometry: OdometryTable,
     commands: Array,
     goals: Goals | None,
-    *,
-    speeds_of_poses: bool,
 ) -> Recording:
+    """What there was when the periods (M,) of these numbers began."""
     period_s = robot.control_period_s
     grace_s, silence_s = GRACE_PERIODS * period_s, SILENCE_PERIODS * period_s
-    number = _instants(lidar.times_s, odometry.times_s, period_s)
     instants = _phase(lidar.times_s, period_s) + number * period_s
     newest = np.searchsorted(lidar.times_s, instants + grace_s, side="right") - 1
     adapter = LidarAdapter(robot.lidar, lidar.mount)
     used, which = np.unique(newest, return_inverse=True)
     seen = np.stack([adapter(lidar.scans[i]) for i in used])
     pose, twist, gap_s = _at(odometry, instants)
-    if speeds_of_poses:
-        twist = driven_twists(odometry, instants, period_s)
     heard = np.maximum(instants - lidar.times_s[newest], gap_s) <= silence_s
     told = np.searchsorted(commands[:, 0], instants + 2.0 * grace_s, side="right") - 1
     command = np.where(told[:, None] >= 0, commands[np.maximum(told, 0), 1:], 0.0)  # none yet: it stands
