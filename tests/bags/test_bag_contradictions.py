@@ -195,6 +195,25 @@ def test_zeros_of_a_lidar_that_says_itself_what_is_free_stay_unknown(
     assert_allclose(data.observation[:, 10:25], plain.observation[:, 10:25], atol=1e-6)
 
 
+def test_single_beams_that_are_lost_are_not_free(tmp_path: Path) -> None:
+    """Every third beam is NaN, and the wall goes on behind it."""
+
+    def lossy(_: float, scan: Any) -> Any:
+        scan.ranges = np.minimum(scan.ranges, np.float32(5.9))
+        scan.ranges[::3] = np.nan
+        return scan
+
+    data, notes = read(corridor_bag(tmp_path / "bag", edit={"/scan": lossy}))
+    whole, _ = read(corridor_bag(tmp_path / "whole", edit={"/scan": lambda _, m: change_ranges(m)}))
+    assert notes == ()
+    assert_allclose(data.observation[:, :36], whole.observation[:, :36], atol=0.05)
+
+
+def change_ranges(scan: Any) -> Any:
+    scan.ranges = np.minimum(scan.ranges, np.float32(5.9))
+    return scan
+
+
 def change(**fields: Any) -> Callable[[float, Any], Any]:
     def edit(_: float, scan: Any) -> Any:
         for name, value in fields.items():
@@ -214,6 +233,7 @@ SCANS: dict[str, tuple[dict[str, Any], str]] = {
     "NaN angle": ({"angle_min": math.nan}, "angle_min nan"),
     "no increment": ({"angle_increment": 0.0}, "angle_increment 0,"),
     "no reach": ({"range_max": 0.0}, "range_max 0"),
+    "range_min above range_max": ({"range_min": 7.0}, "scan_sparse .*168 below range_min"),
     "a sliver": ({"ranges": np.full(20, 2.0, np.float32)}, "scan_sparse .*: 20 ranges"),
 }
 

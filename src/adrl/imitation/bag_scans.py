@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adrl.bags import Bag
 from adrl.bags.odometry import OdometryTable, one_frame
@@ -115,15 +116,21 @@ def _freed(scan: Scan, *, zero: bool, nan: bool) -> Scan:
 
 
 def _shares(scans: list[Scan]) -> tuple[float, float, float]:
-    """Of zeros, of NaN, and of ranges that say themselves that nothing is within reach."""
+    """Of zeros, of NaN, and of ranges that say themselves that nothing is within reach; of zeros and NaN those between
+    others: what is free is wide, and a single beam that is lost is not free."""
     counts, beams = np.zeros(3), 0
     for scan in scans:
         ranges = scan.ranges
         free = ranges >= scan.range_max_m * (1.0 - 1e-6)
-        counts += (np.sum(ranges == 0.0), np.sum(np.isnan(ranges)), np.sum(free))
+        counts += (_inside(ranges == 0.0), _inside(np.isnan(ranges)), np.sum(free))
         beams += ranges.size
     zero, nan, free = counts / max(beams, 1)
     return float(zero), float(nan), float(free)
+
+
+def _inside(beams: NDArray[np.bool_]) -> int:
+    """Beams whose two neighbours are alike."""
+    return int(np.sum(beams[:-2] & beams[1:-1] & beams[2:]))
 
 
 def _good(
@@ -142,12 +149,15 @@ def _good(
     good, faults = [], dict[str, list[Scan]]()
     for scan, (x, y, yaw) in zip(scans, poses, strict=True):
         here = Odometry(pose=(x, y, yaw), twist=(0.0, 0.0), stamp_s=scan.stamp_s)
-        reasons = watch.take(scan, here, scan.stamp_s)
-        found = [reason for reason in reasons if reason in ("scan_invalid", "scan_sparse", "scan_frozen")]
-        for reason in found[:1]:
-            faults.setdefault(reason, []).append(scan)
-        if not found:
+        newer = watch.scan is None or scan.stamp_s > watch.scan.stamp_s
+        reasons = (*watch.take(scan, here, scan.stamp_s), *watch.doubts())
+        fault = next((reason for reason in reasons if reason in ("scan_invalid", "scan_sparse")), None)
+        if fault is None and newer and watch.scan is not scan:
+            fault = "scan_frozen"  # it is held for the one before
+        if fault is None:
             good.append(scan)
+        else:
+            faults.setdefault(fault, []).append(scan)
     if not faults:
         return good, ""
     reason, bad = max(faults.items(), key=lambda item: len(item[1]))
