@@ -122,7 +122,7 @@ def _shares(scans: list[Scan]) -> tuple[float, float, float]:
     for scan in scans:
         ranges = scan.ranges
         free = ranges >= scan.range_max_m * (1.0 - 1e-6)
-        counts += (_inside(ranges == 0.0), _inside(np.isnan(ranges)), np.sum(free))
+        counts += np.array([_inside(ranges == 0.0), _inside(np.isnan(ranges)), int(free.sum())])
         beams += ranges.size
     zero, nan, free = counts / max(beams, 1)
     return float(zero), float(nan), float(free)
