@@ -1,7 +1,7 @@
 """Looking things up by name: first our literal table, then the entry points of installed packages."""
 
 from collections.abc import Mapping
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from adrl.errors import UnknownName
@@ -15,7 +15,14 @@ def look_up(kind: str, name: str, table: Mapping[str, Any]) -> Any:
     """
     if name in table:
         return table[name]
-    offered = {point.name: point for point in entry_points(group=f"adrl.{kind.replace(' ', '_')}s")}
-    if name in offered:
-        return offered[name].load()
-    raise UnknownName(kind, name, [*table, *offered])
+    found = offered(kind)
+    if name in found:
+        return found[name].load()
+    raise UnknownName(kind, name, [*table, *found])
+
+
+def offered(kind: str) -> dict[str, EntryPoint]:
+    """What installed packages offer of a kind: name -> entry point. Nothing of it is imported."""
+    plural = f"{kind[:-1]}ies" if kind.endswith("y") else f"{kind}s"
+    points = entry_points(group=f"adrl.{plural.replace(' ', '_')}")
+    return {point.name: point for point in sorted(points, key=lambda point: point.name)}

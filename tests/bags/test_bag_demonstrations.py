@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from adrl.bags import BagWriter
-from adrl.baselines.planner import AStarDwaPolicy
+from adrl.baselines.astar_dwa import AStarDwaPolicy
 from adrl.deploy import load_policy
 from adrl.envs import NavSim
 from adrl.errors import DatasetError

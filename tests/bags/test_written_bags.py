@@ -52,7 +52,7 @@ def placed(frame: tuple[float, float, float], x: float, y: float) -> tuple[float
 def test_messages_are_those_of_the_evaluation(tmp_path: Path, name: str, guidance: str) -> None:
     path = tmp_path / name
     result = adrl.evaluate(
-        "astar-dwa", robot=ROBOT, guidance=guidance, episodes=3, num_threads=1, bag=path, record=3
+        "default", robot=ROBOT, guidance=guidance, episodes=3, num_threads=1, bag=path, record=3
     )
     found = contents(path)
     topics = {"/scan", "/odom", "/cmd_vel", "/goal_pose", "/tf"} | ({"/plan"} if guidance == "map" else set())

@@ -36,6 +36,9 @@ ABOUT = (
     "simulator",
     "paper_literal",
     "trained_paper_literal",
+    "trained_for",
+    "policy_fingerprint",
+    "warnings",
     "episodes",
 )
 MEASURED = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")

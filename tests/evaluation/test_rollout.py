@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from adrl.baselines.planner import AStarDwaPolicy
+from adrl.baselines.astar_dwa import AStarDwaPolicy
 from adrl.errors import TaskError
 from adrl.evaluation.metrics import Episodes, success_rate
 from adrl.evaluation.rollout import rollout

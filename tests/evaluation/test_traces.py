@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from adrl import _core
-from adrl.baselines.planner import AStarDwaPolicy
+from adrl.baselines.astar_dwa import AStarDwaPolicy
 from adrl.errors import CheckpointError
 from adrl.evaluation.metrics import RATES, Episodes
 from adrl.evaluation.rollout import rollout

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from adrl.bags import messages
 from adrl.errors import ConfigError, MissingExtra
 from adrl.geometry import compose, inverse
+from adrl.outputs import require_folder
 from adrl.types import Array, RobotConfig
 
 TOPICS = {
@@ -28,8 +29,9 @@ MAP, ODOM, BASE, LASER = "map", "odom", "base_link", "base_scan"
 """Frames: the world, the robot's own reckoning, the robot, its LiDAR."""
 
 
-def require_new_bag(option: str, path: Path) -> None:
+def require_new_bag(option: str, path: str | os.PathLike[str]) -> None:
     """Before the work starts: a bag can be made at path. Raises ConfigError, and MissingExtra without rosbags."""
+    path = Path(path)
     try:
         import rosbags  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError:
@@ -42,6 +44,7 @@ def require_new_bag(option: str, path: Path) -> None:
         )
     if path.exists():
         raise ConfigError(f"{option} {path} exists already; give another place or delete it")
+    require_folder(option, path.parent)
 
 
 class BagWriter:
@@ -50,10 +53,10 @@ class BagWriter:
     Use it with `with`: the bag is there, whole, when that ends without an error. Times are seconds, 0 or more.
     """
 
-    def __init__(self, path: Path, robot: RobotConfig) -> None:
+    def __init__(self, path: str | os.PathLike[str], robot: RobotConfig) -> None:
         """robot: whose LiDAR takes the scans. Raises ConfigError for a path that exists, MissingExtra."""
         require_new_bag("bag", path)
-        self.path = path
+        self.path = path = Path(path)
         self._robot = robot
         self._ros1 = path.suffix == ".bag"
         # rosbags names the file in a folder by the folder's name: what is temporary is the one above.

@@ -9,16 +9,16 @@ from typing import Literal
 import numpy as np
 
 from adrl import api, files
+from adrl.baselines.planners import PLANNERS
 from adrl.commands.options import parse, write_document
 from adrl.commands.progress import console, counting_bar
-from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
-from adrl.deploy.setup import training_worlds
+from adrl.deploy.policies import ResolvedPolicy, find_policy
 from adrl.errors import ConfigError
 from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, require_v_max, warning, world_table
-from adrl.evaluation.results import write_table
-from adrl.outputs import require_file, require_folder
+from adrl.evaluation.results import require_results_folder, write_table
+from adrl.outputs import require_file
 from adrl.types import RobotConfig
-from adrl.worlds import ROBOTS, BarnScenario, robot_from_fields
+from adrl.worlds import ROBOTS, BarnScenario
 from adrl.worlds.barn import TIME_LIMIT_S
 from adrl.worlds.given import fingerprint
 
@@ -32,7 +32,8 @@ class BarnOptions:
     worlds: Path
     """Folder of world_N.world and path_N.npy; or of folders worlds and paths, or world_files and path_files."""
     policy: str = "jackal"
-    """astar-dwa (knows the map), jackal (a shipped policy), or a run folder of a policy for the Jackal."""
+    """astar-dwa (knows the map), jackal (a shipped policy), a run folder of a policy for the Jackal, or one of your
+    own, as adrl evaluate has it."""
     v_max: float | None = None
     """Greatest speed, m/s: faster commands of a policy are cut off here, and astar-dwa plans with it. That of the
     robot when left out."""
@@ -67,12 +68,12 @@ def main(arguments: Sequence[str]) -> int:
         "Drive a policy in worlds of the BARN navigation benchmark, with its start, goal, time limit and score: "
         "success * OT / clip(AT, 2 OT, 8 OT), at most 0.5.",
     )
-    require_folder("--out", options.out)
+    require_results_folder("--out", options.out)
     require_file("--json", options.json)
     policy, robot, v_max_mps = _driver(options)
     scenario = BarnScenario(options.worlds, options.held_out)
     worlds = scenario.split("test")
-    seen = training_worlds(policy.config) if isinstance(policy, MlpPolicy) else set()
+    seen = policy.training_worlds
     trained_on = [seen is None or fingerprint(world.world) in seen for world in worlds]
     # The benchmark's time limit, not that of training.
     tasks = [
@@ -92,30 +93,31 @@ def main(arguments: Sequence[str]) -> int:
     runs = BarnRuns(worlds=worlds, episodes=result.rollout.episodes, trained_on=np.array(trained_on))
     about = {"v_max_mps": v_max_mps, "held_out": options.held_out, "trained_on_known": seen is not None}
     summary = result.summary | about | runs.summary()
+    console().print(world_table(summary))
+    console().print(reference_table(summary))
+    for line in summary["warnings"]:
+        console().print(f"WARNING: {line}", style="bold", markup=False, highlight=False)
+    if (line := warning(summary)) is not None:
+        console().print(line, style="bold", markup=False, highlight=False)
     if options.out is not None:
         options.out.mkdir(parents=True, exist_ok=True)
         write_table(options.out / "episodes.parquet", runs.to_table())
         files.write_json(options.out / "summary.json", summary)
     write_document(options.json, summary)
-    console().print(world_table(summary))
-    console().print(reference_table(summary))
-    if (line := warning(summary)) is not None:
-        console().print(line, style="bold", markup=False, highlight=False)
     return 0
 
 
-def _driver(options: BarnOptions) -> tuple[str | MlpPolicy, RobotConfig, float]:
+def _driver(options: BarnOptions) -> tuple[ResolvedPolicy, RobotConfig, float]:
     """The policy at v_max, its robot, which must have the Jackal's body, and v_max. Raises AdrlError."""
-    if options.policy == api.PLANNER:
-        v_max = JACKAL.max_speed_mps if options.v_max is None else options.v_max
-        require_v_max(v_max, JACKAL)
-        return options.policy, dataclasses.replace(JACKAL, max_speed_mps=v_max), v_max
-    policy = load_policy(resolve_policy(options.policy))
-    robot = robot_from_fields(policy.config.robot)
+    policy = find_policy(options.policy, PLANNERS)
+    robot = policy.robot or JACKAL
+    v_max = robot.max_speed_mps if options.v_max is None else options.v_max
+    require_v_max(v_max, robot)
     if robot.footprint_m != JACKAL.footprint_m:
         raise ConfigError(
             f"policy {options.policy!r} drives robot {robot.name!r}, whose body is not the Jackal's of the benchmark; "
             "train with --robot jackal"
         )
-    v_max = robot.max_speed_mps if options.v_max is None else options.v_max
-    return SpeedLimited(policy, robot, v_max), robot, v_max
+    if policy.knows_the_world:
+        return policy, dataclasses.replace(robot, max_speed_mps=v_max), v_max
+    return dataclasses.replace(policy, policy=SpeedLimited(policy.policy, robot, v_max)), robot, v_max

@@ -9,8 +9,8 @@ from adrl import api
 from adrl.commands.options import load_place, parse, write_document
 from adrl.commands.progress import console, counting_bar
 from adrl.errors import ConfigError
-from adrl.evaluation.results import comparison_table
-from adrl.outputs import require_file, require_folder
+from adrl.evaluation.results import comparison_table, require_results_folder
+from adrl.outputs import require_file
 from adrl.types import Task
 from adrl.worlds import load_robot, single_task
 from adrl.worlds.fixed import FixedWorld
@@ -22,7 +22,8 @@ class EvaluateOptions(Place):
     """Which policy drives where."""
 
     policy: str = api.DEFAULT
-    """astar-dwa (knows the map), a shipped policy (adrl list), or a run folder."""
+    """astar-dwa (knows the map), a shipped policy (adrl list), a run folder, or one of your own: module:object, the
+    model.onnx of adrl export, a model.zip of Stable-Baselines3, or a name that an installed package offers."""
     robot: str | None = None
     """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
     guidance: Literal["goal", "replan", "map"] | None = None
@@ -57,7 +58,7 @@ def main(arguments: Sequence[str]) -> int:
     options = parse(
         EvaluateOptions, arguments, "evaluate", "Drive a policy on fixed tasks and report how it did."
     )
-    require_folder("--out", options.out)
+    require_results_folder("--out", options.out)
     require_file("--json", options.json)
     # Before the bar: what cannot be read is told in one line.
     place, robot = load_place(options), None if options.robot is None else load_robot(options.robot)
@@ -73,13 +74,15 @@ def main(arguments: Sequence[str]) -> int:
             seed=options.seed,
             num_threads=options.threads,
             tasks=_own_task(options),
-            out=options.out,
+            traces=options.out is not None,
             bag=options.bag,
             bag_tasks=options.bag_tasks or None,
             on_step=show,
         )
-    write_document(options.json, result.summary)
     console().print(comparison_table([result.summary]))
+    if options.out is not None:
+        result.save(options.out)
+    write_document(options.json, result.summary)
     return 0
 
 
@@ -93,5 +96,5 @@ def _own_task(options: EvaluateOptions) -> list[Task] | None:
         raise ConfigError(
             f"--start and --goal need --map or --world; scenario {place.name!r} has many worlds"
         )
-    robot = load_robot(options.robot or api.robot_of(options.policy))
+    robot = load_robot(options.robot) if options.robot else api.robot_of(options.policy)
     return [single_task(place.world, options.start, options.goal, robot)]

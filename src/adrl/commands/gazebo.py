@@ -13,7 +13,7 @@ from adrl.commands.progress import console, counting_bar, progress_bar
 from adrl.errors import ConfigError
 from adrl.evaluation.calibration import calibrate
 from adrl.evaluation.drives import DriveRecorder
-from adrl.evaluation.results import comparison_table
+from adrl.evaluation.results import comparison_table, require_results_folder
 from adrl.evaluation.transfer import Side, transfer_document, transfer_table
 from adrl.integrations.gazebo import Gazebo
 from adrl.integrations.gazebo.film import contact_sheet
@@ -23,13 +23,16 @@ from adrl.worlds import load_robot, task_set
 from adrl.worlds.place import Place
 from adrl.worlds.sdf_write import save_sdf
 
+TRANSFER_FILE = "transfer.json"
+
 
 @dataclass(frozen=True, kw_only=True)
 class PolicyOptions(Place):
     """Which policy drives where. Worlds are flattened to their boxes, cylinders and walls."""
 
     policy: str = api.DEFAULT
-    """astar-dwa (knows the map), a shipped policy (adrl list), or a run folder."""
+    """astar-dwa (knows the map), a shipped policy (adrl list), a run folder, or one of your own: module:object, the
+    model.onnx of adrl export, a model.zip of Stable-Baselines3, or a name that an installed package offers."""
     robot: str | None = None
     """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
     guidance: Literal["goal", "replan", "map"] | None = None
@@ -100,21 +103,22 @@ class ExportOptions(Place):
 
 def _evaluate(arguments: Sequence[str]) -> int:
     options = parse(EvaluateOptions, arguments, "gazebo evaluate", "Drive a policy on fixed tasks in Gazebo.")
-    require_folder("--out", options.out)
+    require_results_folder("--out", options.out)
     require_file("--json", options.json)
     require_file("--drives", options.drives)
     load_place(options)
-    side = _drive(
+    side, result = _drive(
         options,
         "Gazebo",
         make_body=partial(Gazebo, num_envs=options.num_envs),
-        out=options.out,
         bag=options.bag,
     )
+    console().print(comparison_table([side.summary]))
+    if options.out is not None:
+        result.save(options.out)
     if options.drives is not None:
         side.drives.save(options.drives)
     write_document(options.json, side.document())
-    console().print(comparison_table([side.summary]))
     return 0
 
 
@@ -126,34 +130,25 @@ def _transfer(arguments: Sequence[str]) -> int:
         "Drive the same tasks in our simulator, in Gazebo, and in our simulator with the base's constants fitted to "
         "Gazebo's drives.",
     )
-    require_folder("--out", options.out)
+    require_folder("--out", options.out, TRANSFER_FILE)
     require_file("--json", options.json)
     load_place(options)
-    robot = load_robot(options.robot or api.robot_of(options.policy))
-    simulators = ("native", "gazebo", "calibrated")
-    folders = {name: None if options.out is None else options.out / name for name in simulators}
-    sides = {
-        "gazebo": _drive(
-            options,
-            "Gazebo",
-            robot=robot,
-            make_body=partial(Gazebo, num_envs=options.num_envs),
-            out=folders["gazebo"],
-        )
+    robot = _robot(options)
+    driven = {
+        "gazebo": _drive(options, "Gazebo", robot=robot, make_body=partial(Gazebo, num_envs=options.num_envs))
     }
-    fit = calibrate(sides["gazebo"].drives, robot)
-    sides["native"] = _drive(options, "native", robot=robot, out=folders["native"])
+    fit = calibrate(driven["gazebo"][0].drives, robot)
+    driven["native"] = _drive(options, "native", robot=robot)
     # The tasks are those of the robot as configured: the fitted base only drives them.
-    sides["calibrated"] = _drive(
-        options, "calibrated", robot=fit.robot, tasks_of=robot, out=folders["calibrated"]
-    )
-    document = transfer_document(sides, fit)
-    if options.out is not None:
-        files.write_json(options.out / "transfer.json", document)
-        for name, side in sides.items():
-            side.drives.save(options.out / name / "drives.csv")
-    write_document(options.json, document)
+    driven["calibrated"] = _drive(options, "calibrated", robot=fit.robot, tasks_of=robot)
+    document = transfer_document({name: side for name, (side, _) in driven.items()}, fit)
     console().print(transfer_table(document))
+    if options.out is not None:
+        for name, (side, result) in driven.items():
+            result.save(options.out / name)
+            side.drives.save(options.out / name / "drives.csv")
+        files.write_json(options.out / TRANSFER_FILE, document)
+    write_document(options.json, document)
     return 0
 
 
@@ -162,7 +157,7 @@ def _film(arguments: Sequence[str]) -> int:
     require_file("--out", options.out)
     if options.frames < 1:
         raise ConfigError(f"frames is {options.frames}; give 1 or more")
-    place, robot = load_place(options), load_robot(options.robot or api.robot_of(options.policy))
+    place, robot = load_place(options), _robot(options)
     tasks = task_set(place, robot, options.split, 1, first=options.task)
     pictures: list[bytes] = []
 
@@ -208,9 +203,8 @@ def _drive(
     robot: RobotConfig | None = None,
     tasks_of: RobotConfig | None = None,
     make_body: Callable[[RobotConfig], Any] | None = None,
-    out: Path | None,
     bag: Path | None = None,
-) -> Side:
+) -> tuple[Side, api.Evaluation]:
     """One simulator's part, with a bar."""
     place, recorder = options.load(), DriveRecorder()
     tasks = None if tasks_of is None else task_set(place, tasks_of, options.split, options.episodes)
@@ -226,15 +220,20 @@ def _drive(
             tasks=tasks,
             make_body=make_body,
             on_drive=recorder,
-            out=out,
+            traces=options.out is not None,
             bag=bag,
             on_step=show,
         )
-    return Side(
+    side = Side(
         summary=result.summary | {"split": options.split},
         episodes=result.rollout.episodes,
         drives=recorder.drives(),
     )
+    return side, result
+
+
+def _robot(options: PolicyOptions) -> RobotConfig:
+    return load_robot(options.robot) if options.robot else api.robot_of(options.policy)
 
 
 WHAT: dict[str, tuple[str, Runner]] = {

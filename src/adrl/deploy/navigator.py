@@ -18,16 +18,15 @@ from numpy.typing import NDArray
 
 from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Command, Odometry, Pose, Reason, Scan, Status, Twist
-from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
+from adrl.deploy.policies import ResolvedPolicy, act, begin, find_policy
 from adrl.deploy.recovery import WAY_M, Recovery
-from adrl.deploy.setup import setup_of
 from adrl.deploy.supervisor import DEFAULT, Supervisor, SupervisorConfig
-from adrl.errors import ConfigError, PlanningError, UnknownName
-from adrl.observation import ObservationEncoder, in_robot_frame, to_action, to_twist
+from adrl.errors import ConfigError, PlanningError
+from adrl.observation import Encoder, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.observation.motion import ScanHistory
 from adrl.planning.path_guide import MapGuide
 from adrl.planning.replanner import Replanner
-from adrl.types import GUIDANCE, Array, World
+from adrl.types import Array, Policy, RobotConfig, World
 
 GOAL_TOLERANCE_M = 0.3
 """Distance to the goal at which it is reached, as in training."""
@@ -52,8 +51,9 @@ class Navigator:
 
     def __init__(
         self,
-        policy: MlpPolicy,
+        policy: str | os.PathLike[str] | Policy | ResolvedPolicy,
         *,
+        robot: RobotConfig | None = None,
         guidance: str | None = None,
         world: World | None = None,
         mount: Pose | None = None,
@@ -62,7 +62,8 @@ class Navigator:
         supervisor: SupervisorConfig | None = DEFAULT,
         recovery: bool = True,
     ) -> None:
-        """guidance: as trained when None. world: the known map of guidance `map`. mount: of the robot's LiDAR, as
+        """policy: in any form of find_policy. robot: the one that is there; that of the policy's training when None.
+        guidance: as trained when None. world: the known map of guidance `map`. mount: of the robot's LiDAR, as
         trained when None; zero_is_free: see LidarAdapter. supervisor: None drives without one: in simulation only.
         recovery: a robot that the supervisor holds for long turns to a free way by itself.
 
@@ -70,10 +71,10 @@ class Navigator:
         """
         if not 0.0 < goal_tolerance_m < math.inf:
             raise ConfigError(f"goal_tolerance_m is {goal_tolerance_m}; give metres, more than 0")
-        setup = setup_of(policy)
-        self.policy = policy
-        self.robot = setup.robot
-        self.guidance = guidance or policy.config.guidance
+        found = find_policy(policy)
+        self.policy = found.policy
+        self.robot = _robot(found, robot)
+        self.guidance = found.require_guidance(guidance)
         _check_guidance(self.guidance, world)
         self.goal_tolerance_m = goal_tolerance_m
         self.supervisor = (
@@ -84,28 +85,33 @@ class Navigator:
         self._recovery = Recovery(self.supervisor) if recovery and self.supervisor is not None else None
         self.goal: tuple[float, float] | None = None
         self._adapter = LidarAdapter(self.robot.lidar, mount, zero_is_free=zero_is_free)
-        self._encoder = ObservationEncoder(self.robot, setup.encoder)
-        steps = setup.encoder.history_steps
+        self._encoder: Encoder = (
+            found.encoder
+            if isinstance(found.encoder, Encoder)
+            else ObservationEncoder(self.robot, found.encoder)
+        )
+        steps = found.encoder.history_steps
         self._history = ScanHistory(1, self.robot.lidar.num_beams, steps) if steps > 0 else None
         self._map = MapGuide(world, self.robot) if world is not None else None
         self._replanner: Replanner | None = None
         if self.guidance == "replan":
-            maturity = policy.config.maturity
-            self._replanner = Replanner(1, self.robot, setup.replanner, maturity=maturity)
+            self._replanner = Replanner(1, self.robot, found.replanner, maturity=found.maturity)
         self._path: Array | None = None
         self._under_way = False
         """A step has been driven since the robot last stood still without a goal."""
         self._new_goal = False
+        self._begun = False
+        """The policy has been told of the episode that drives to the goal."""
         self._interrupted = True
         """The last step was not driven: scans before and after it are not a control period apart."""
         self._last: tuple[Pose, float] | None = None
         self._action = to_action(np.zeros((1, 2)), self.robot)
 
     @classmethod
-    def load(cls, run: str | os.PathLike[str], **options: Any) -> Self:
-        """The navigator of a run folder or a shipped policy's name; options are those of the constructor. Raises
-        CheckpointError."""
-        return cls(load_policy(resolve_policy(run)), **options)
+    def load(cls, policy: str | os.PathLike[str], **options: Any) -> Self:
+        """The navigator of a policy: a run folder, a name, a file or module:object; options are those of the
+        constructor. Raises AdrlError."""
+        return cls(policy, **options)
 
     def set_goal(self, goal: tuple[float, float], path: Array | None = None) -> None:
         """Drive to (x, y) from the next step on; on the way, turn to it there.
@@ -138,7 +144,7 @@ class Navigator:
     def cancel(self) -> None:
         """Stop at the next step, and wait for a goal."""
         self.goal = None
-        self._under_way = False
+        self._under_way = self._begun = False
 
     def step(
         self,
@@ -190,7 +196,10 @@ class Navigator:
         towards = in_robot_frame(np.array([place]), np.array([waypoint]))
         measured = np.array([odometry.twist])
         seen = self._encoder.encode(ranges, towards, measured, self._action, self._history)
-        self._action = self.policy.act(seen)
+        if not self._begun:
+            begin(self.policy, ONE)
+        self._begun = True
+        self._action = act(self.policy, seen)
         twist, reasons = self._limit(towards[0], now_s)
         self._interrupted = False
         self._last = (place, now_s)
@@ -344,9 +353,18 @@ class Navigator:
         return np.array([place[:2], waypoint] if waypoint == goal else [place[:2], waypoint, goal])
 
 
+def _robot(policy: ResolvedPolicy, robot: RobotConfig | None) -> RobotConfig:
+    """The robot that drives. Raises ConfigError where nothing says which, or the policy can drive none."""
+    if policy.knows_the_world:
+        raise ConfigError(
+            f"policy {policy.name} plans on a simulator's true map; a robot has none: give another one"
+        )
+    if robot is None and policy.robot is None:
+        raise ConfigError(f"policy {policy.name} does not say which robot it drives; give robot")
+    return policy.driven(robot)
+
+
 def _check_guidance(guidance: str, world: World | None) -> None:
-    if guidance not in GUIDANCE:
-        raise UnknownName("guidance", guidance, GUIDANCE)
     if guidance == "map" and world is None:
         raise ConfigError("guidance map needs a map; give world, or guidance goal or replan")
     if guidance != "map" and world is not None:

@@ -158,6 +158,10 @@ class NavSim:
 
     def observe(self, rows: Rows = ALL) -> F32:
         """(N, D) observations, a new array; of the robots `rows` (M,) alone, (M, D)."""
+        return self.encoder.encode(*self.measured(rows))
+
+    def measured(self, rows: Rows = ALL) -> tuple[F32, Array, Array, F32, ScanHistory | None]:
+        """What an encoder takes: ranges, goal in the robot's frame, twist, last action, and the scans' history."""
         b = self.b
         # A known map comes with localisation; mapless robots only have their odometry.
         pose = b["pose"] if self.guidance == "map" else b["odometry"]
@@ -165,9 +169,7 @@ class NavSim:
         history = self._history
         if history is not None and not isinstance(rows, slice):
             history = history.of(rows)
-        return self.encoder.encode(
-            b["ranges"][rows], goal, b["twist"][rows], self._last_action[rows], history
-        )
+        return b["ranges"][rows], goal, b["twist"][rows], self._last_action[rows], history
 
     def step(self, actions: F32) -> Outcome:
         """Execute (N, 2) normalised actions for one control period on every active robot."""

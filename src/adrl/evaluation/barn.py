@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from adrl.deploy.policy import MlpPolicy
+from adrl.deploy.policies import act, begin, name_of
 from adrl.errors import ConfigError
 from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.results import plain_table
 from adrl.evaluation.statistics import bootstrap_mean
-from adrl.types import RobotConfig
+from adrl.types import Policy, RobotConfig
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -60,23 +60,27 @@ def require_v_max(v_max_mps: float, robot: RobotConfig) -> None:
         )
 
 
-class SpeedLimited(MlpPolicy):
+class SpeedLimited:
     """A policy whose speed commands are cut off at v_max; it sees how fast it drives, so this is nothing new to it.
 
-    robot: the one it was trained with. Raises ConfigError: see require_v_max.
+    robot: the one it drives. Raises ConfigError: see require_v_max.
     """
 
-    def __init__(self, policy: MlpPolicy, robot: RobotConfig, v_max_mps: float) -> None:
-        super().__init__(policy.layers, policy.config)
+    def __init__(self, policy: Policy, robot: RobotConfig, v_max_mps: float) -> None:
         require_v_max(v_max_mps, robot)
+        self.name = name_of(policy)
+        self._policy = policy
         span_mps = robot.max_speed_mps - robot.min_speed_mps
         self._most = np.float32(2.0 * (v_max_mps - robot.min_speed_mps) / span_mps - 1.0)
 
-    def act(self, observation: F32) -> F32:
-        """(N, D) observations -> (N, 2) actions in [-1, 1]: speed, yaw rate."""
-        actions = super().act(observation)
-        np.minimum(actions[:, 0], self._most, out=actions[:, 0])
-        return actions
+    def reset(self, rows: NDArray[np.intp]) -> None:
+        """Episodes of robots `rows` (M,) begin."""
+        begin(self._policy, rows)
+
+    def act(self, observation: NDArray[np.floating]) -> F32:
+        """(N, D) observations -> (N, 2) actions in [-1, 1]: speed, yaw rate. Raises ConfigError."""
+        actions = act(self._policy, observation)
+        return np.column_stack([np.minimum(actions[:, 0], self._most), actions[:, 1]])
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -1,5 +1,7 @@
 """Drives a policy on a split's tasks, and sums up how good it was: adrl.evaluate."""
 
+import logging
+import os
 from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
@@ -11,21 +13,30 @@ from numpy.typing import NDArray
 
 from adrl import files
 from adrl.bags import BagWriter, require_new_bag
-from adrl.baselines.planner import AStarDwaPolicy
-from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
-from adrl.deploy.setup import Setup, setup_of
+from adrl.baselines.planners import PLANNERS
+from adrl.deploy.policies import ResolvedPolicy, find_policy
+from adrl.deploy.policy import MlpPolicy
+from adrl.deploy.setup import other_robot
 from adrl.envs import Body, NavSim
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.bag_recorder import BagRecorder
-from adrl.evaluation.results import RunMeta, Summary, summarise, write_episodes
+from adrl.evaluation.results import (
+    EPISODES_FILE,
+    SUMMARY_FILE,
+    RunMeta,
+    Summary,
+    require_results_folder,
+    summarise,
+    write_episodes,
+)
 from adrl.evaluation.rollout import PrivilegedPolicy, Recorder, Rollout, rollout
-from adrl.evaluation.traces import TRACES_FILE, TraceRecorder, write_traces
+from adrl.evaluation.traces import TRACES_FILE, TraceRecorder, Traces, write_traces
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, RewardTerm
 from adrl.types import Policy, RobotConfig, Scenario, Task
-from adrl.worlds import get_scenario, load_robot, task_set
+from adrl.worlds import get_scenario, task_set
 
-PLANNER = "astar-dwa"
+LOG = logging.getLogger("adrl.evaluation")
 OWN_TASKS = "own"
 """The split that a summary names when the tasks were the user's."""
 
@@ -37,10 +48,21 @@ class Evaluation:
     summary: Summary
     rollout: Rollout
     tasks: Sequence[Task]
+    traces: Traces | None = None
+    """The course of some episodes, where it was kept."""
+
+    def save(self, folder: str | os.PathLike[str]) -> None:
+        """Write summary.json, episodes.parquet and traces.safetensors, for adrl report. Raises OSError."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        write_episodes(folder / EPISODES_FILE, self.rollout.episodes)
+        if self.traces is not None:
+            write_traces(folder / TRACES_FILE, self.traces)
+        files.write_json(folder / SUMMARY_FILE, self.summary)
 
 
 def evaluate(
-    policy: str | Path | MlpPolicy | Policy | PrivilegedPolicy,
+    policy: str | os.PathLike[str] | Policy | PrivilegedPolicy | ResolvedPolicy,
     *,
     scenario: str | Scenario = "clutter",
     robot: str | RobotConfig | None = None,
@@ -55,42 +77,47 @@ def evaluate(
     tasks: Sequence[Task] | None = None,
     make_body: Callable[[RobotConfig], AbstractContextManager[Body]] | None = None,
     on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None = None,
-    out: Path | None = None,
-    bag: Path | None = None,
+    traces: bool = False,
+    out: str | os.PathLike[str] | None = None,
+    bag: str | os.PathLike[str] | None = None,
     bag_tasks: Collection[int] | None = None,
     reward_terms: Sequence[RewardTerm] = (),
     on_step: Callable[[int, int], None] | None = None,
 ) -> Evaluation:
     """Drive the first `episodes` tasks of a split.
 
-    policy: "astar-dwa", "default", a run folder, or an object with act(observation). robot, guidance: of the policy's
-    training when None. seed: changes the noise only. record: tasks whose routes are kept. replanner: constants of
-    guidance `replan`, those of the training when None. paper_literal: with these, its equations as printed. tasks:
-    instead of those of the split. make_body: makes what moves the robots instead of our simulator, for as long as it is
-    needed: adrl.integrations.gazebo.Gazebo. on_drive: see rollout. out: folder for episodes.parquet, summary.json and
-    traces.safetensors, the course of some episodes and of the first failures, for adrl report. bag: file of a ROS 1
-    bag, or folder of a ROS 2 bag, for the episodes of bag_tasks, or of all tasks when None. reward_terms: your own that
-    the policy was trained with, for the traces; those that an installed package offers are found. Raises AdrlError.
+    policy: a planner's or shipped policy's name, a run folder, or one of your own in any form of find_policy. robot,
+    guidance: of the policy's training when None; what is other on another robot is told in the summary and the log.
+    seed: changes the noise only. record: tasks whose routes are kept. replanner: constants of guidance `replan`, those
+    of the training when None. paper_literal: with these, its equations as printed. tasks: instead of the split's.
+    make_body: makes what moves the robots instead of our simulator, for as long as it is needed:
+    adrl.integrations.gazebo.Gazebo. on_drive: see rollout. traces: keep the course of some episodes and of the first
+    failures, for Evaluation.save. out: folder to save all of it in, checked before the drive. bag: file of a ROS 1 bag,
+    or folder of a ROS 2 bag, for the episodes of bag_tasks, or of all tasks when None. reward_terms: your own that the
+    policy was trained with, for the traces; those that an installed package offers are found. Raises AdrlError.
     """
     if episodes < 1:
         raise ConfigError(f"episodes is {episodes}; give 1 or more")
     for name, value in (("seed", seed), ("num_threads", num_threads)):
         if value < 0:
             raise ConfigError(f"{name} is {value}; give 0 or more")
-    if isinstance(policy, (str, Path)) and str(policy) != PLANNER:
-        policy = load_policy(resolve_policy(policy))
+    require_results_folder("out", out)
     if bag is None and bag_tasks is not None:
         raise ConfigError("bag_tasks chooses what a bag holds; give bag too")
     if bag is not None:
         require_new_bag("bag", bag)
     place = get_scenario(scenario)
-    driver, about, setup, config = _driver(policy, robot, guidance)
-    if paper_literal and about["guidance"] != "replan":
+    driver = find_policy(policy, PLANNERS)
+    guidance, config = driver.require_guidance(guidance), driver.driven(robot)
+    if paper_literal and guidance != "replan":
         raise ConfigError(
-            f"paper_literal sets the equations of guidance replan, and guidance is {about['guidance']}; give replan"
+            f"paper_literal sets the equations of guidance replan, and guidance is {guidance}; give replan"
         )
-    constants = replanner or (setup.replanner if setup else ReplannerConfig())
+    constants = replanner or driver.replanner
     constants = constants.literal() if paper_literal else constants
+    warning = None if driver.robot is None else other_robot(driver.name, driver.robot, config)
+    if warning is not None:
+        LOG.warning(warning)
     if tasks is None:
         tasks = task_set(place, config, split, episodes)
     else:
@@ -98,20 +125,20 @@ def evaluate(
     absent = sorted(set(bag_tasks or ()) - set(range(len(tasks))))
     if absent:
         raise ConfigError(f"bag_tasks has {absent[0]}; the tasks are 0 to {len(tasks) - 1}")
-    traces = None if out is None else _trace_recorder(driver, reward_terms)
+    recorder = _trace_recorder(driver.policy, reward_terms) if traces or out is not None else None
     with ExitStack() as stack:
         body = stack.enter_context(make_body(config)) if make_body is not None else None
-        recorders: list[Recorder] = [] if traces is None else [traces]
+        recorders: list[Recorder] = [] if recorder is None else [recorder]
         if bag is not None:
             recorders.append(BagRecorder(stack.enter_context(BagWriter(bag, config)), bag_tasks))
         result = rollout(
-            driver,
+            driver.policy,
             tasks,
             config,
-            guidance=about["guidance"],
-            encoder=setup.encoder if setup else None,
+            guidance=guidance,
+            encoder=driver.encoder,
             replanner=constants,
-            maturity=driver.config.maturity if isinstance(driver, MlpPolicy) else 0.0,
+            maturity=driver.maturity,
             seed=seed,
             num_threads=num_threads,
             record=record,
@@ -120,22 +147,29 @@ def evaluate(
             body=body,
             on_drive=on_drive,
         )
-    simulator = "native" if body is None else type(body).__name__.lower()
     meta = RunMeta(
-        **about,
+        policy=driver.name,
+        method=driver.method,
         robot=config.name,
         scenario=place.name,
+        guidance=guidance,
         split=split,
-        simulator=simulator,
-        paper_literal=about["guidance"] == "replan" and constants == constants.literal(),
+        simulator="native" if body is None else type(body).__name__.lower(),
+        paper_literal=guidance == "replan" and constants == constants.literal(),
+        trained_for=None if driver.robot is None else driver.robot.name,
+        policy_fingerprint=driver.fingerprint,
+        warnings=() if warning is None else (warning,),
+        **driver.training,
     )
-    summary = summarise(result.episodes, meta)
-    if out is not None and traces is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        write_episodes(out / "episodes.parquet", result.episodes)
-        write_traces(out / TRACES_FILE, traces.traces())
-        files.write_json(out / "summary.json", summary)
-    return Evaluation(summary=summary, rollout=result, tasks=tasks)
+    done = Evaluation(
+        summary=summarise(result.episodes, meta),
+        rollout=result,
+        tasks=tasks,
+        traces=None if recorder is None else recorder.traces(),
+    )
+    if out is not None:
+        done.save(out)
+    return done
 
 
 def _trace_recorder(driver: Policy | PrivilegedPolicy, reward_terms: Sequence[RewardTerm]) -> TraceRecorder:
@@ -154,38 +188,6 @@ def _trace_recorder(driver: Policy | PrivilegedPolicy, reward_terms: Sequence[Re
         raise CheckpointError(f"bad reward in the policy's config.json ({error}); restore the file") from None
 
 
-def _driver(
-    policy: Any, robot: str | RobotConfig | None, guidance: str | None
-) -> tuple[Policy | PrivilegedPolicy, dict[str, Any], Setup | None, RobotConfig]:
-    """The policy itself, what the summary says of it, what it was trained with and the robot it drives."""
-    named = load_robot(robot) if isinstance(robot, str) else robot
-    if policy == PLANNER:
-        about = {"policy": PLANNER, "method": PLANNER, "guidance": guidance or "map"}
-        return AStarDwaPolicy(), about, None, named or load_robot("diffbot")
-    if not isinstance(policy, MlpPolicy):
-        if not (hasattr(policy, "act") or hasattr(policy, "act_in")):
-            raise ConfigError(
-                f"policy {policy!r} is no run folder and has no act(observation); give one of them"
-            )
-        about = {"policy": type(policy).__name__, "method": "external", "guidance": guidance or "goal"}
-        return policy, about, None, named or load_robot("diffbot")
-    config = policy.config
-    setup = setup_of(policy)
-    extra = config.extra
-    about = {
-        "policy": str(extra.get("run", "policy")),
-        "method": config.method,
-        "guidance": guidance or config.guidance,
-        "train_seconds": extra.get("train_seconds"),
-        "env_steps": extra.get("env_steps"),
-        "gradient_updates": extra.get("gradient_updates"),
-        "trained_paper_literal": extra.get("paper_literal"),
-    }
-    return policy, about, setup, named or setup.robot
-
-
-def robot_of(policy: str | Path) -> str | RobotConfig:
-    """The robot a policy drives when none is named. Raises CheckpointError."""
-    if str(policy) == PLANNER:
-        return "diffbot"
-    return setup_of(load_policy(resolve_policy(policy))).robot
+def robot_of(policy: Any) -> RobotConfig:
+    """The robot a policy drives when none is named. Raises AdrlError."""
+    return find_policy(policy, PLANNERS).driven(None)

@@ -1,13 +1,15 @@
 """Result files of an evaluation (design section 9), and the table that compares several of them."""
 
+import json
 import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from adrl import files
-from adrl.errors import CheckpointError, FileError
+from adrl import files, outputs
+from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.evaluation.metrics import OVER_SUCCESSES, RATES, SAMPLES, Episodes, on_common_tasks, solved_by_all
 from adrl.evaluation.statistics import (
     Interval,
@@ -26,6 +28,9 @@ SCHEMA_VERSION = 1
 
 MAX_BYTES, MAX_ROWS = 2**30, 10**7
 """Of a table that is read."""
+
+SUMMARY_FILE, EPISODES_FILE = "summary.json", "episodes.parquet"
+"""Of an evaluation's folder."""
 
 Summary = dict[str, Any]
 """One evaluation as it stands in the JSON file."""
@@ -49,6 +54,12 @@ class RunMeta:
     """Guidance `replan` computed its equations as printed."""
     trained_paper_literal: bool | None = None
     """The training computed every equation as printed; None where there was none, or its run does not say."""
+    trained_for: str | None = None
+    """Name of the robot that the policy was made for; None for any."""
+    policy_fingerprint: str | None = None
+    """The same for the same weights; None for code."""
+    warnings: Sequence[str] = ()
+    """What a reader of the numbers has to know, as that the policy was trained for another robot."""
     train_seconds: float | None = None
     """Wall clock spent on training; None for a planner."""
     env_steps: int | None = None
@@ -64,7 +75,7 @@ def summarise(episodes: Episodes, meta: RunMeta) -> Summary:
     `time_s` and `optimality` are over successes. None where undefined: no success, or an interval from a
     single number. Equal episodes give equal documents.
     """
-    about = asdict(meta)
+    about: Summary = asdict(meta) | {"warnings": list(meta.warnings)}
     training = {key: about.pop(key) for key in ("train_seconds", "env_steps", "gradient_updates")}
     summary: Summary = {"schema_version": SCHEMA_VERSION, **about, "episodes": len(episodes)}
     for ending in RATES:
@@ -73,6 +84,20 @@ def summarise(episodes: Episodes, meta: RunMeta) -> Summary:
     for name, samples in SAMPLES.items():
         summary |= interval_entry(name, bootstrap_mean(samples(episodes)))
     return summary | {key: _defined(value) for key, value in training.items()}
+
+
+def require_results_folder(option: str, path: outputs.PathLike | None) -> None:
+    """An evaluation can be saved at path: a new folder, or that of another, which it replaces. Raises ConfigError."""
+    outputs.require_folder(option, path, SUMMARY_FILE)
+    summary = None if path is None else Path(path) / SUMMARY_FILE
+    if summary is None or not summary.exists():
+        return
+    try:
+        known = "split" in json.loads(summary.read_text(encoding="utf-8"))
+    except (OSError, ValueError, TypeError, RecursionError):
+        known = False
+    if not known:
+        raise ConfigError(f"{option} {path} holds results of something else; give another folder")
 
 
 def compare_paired(first: Episodes, second: Episodes) -> dict[str, Interval]:
@@ -166,7 +191,8 @@ def comparison_table(summaries: Sequence[Mapping[str, Any]]) -> "Table":
     shared = [key for key in _CONTEXT if len({summary[key] for summary in summaries}) == 1]
     title = ", ".join(f"{key} {summaries[0][key]}" for key in shared)
     caption = "below each estimate its 95 % interval; Av.D, Av.T and optimality over successes"
-    table = plain_table(title, caption, padding=0)
+    warnings = dict.fromkeys(line for summary in summaries for line in summary.get("warnings", ()))
+    table = plain_table(title, "\n".join([caption, *(f"WARNING: {line}" for line in warnings)]), padding=0)
     table.add_column("policy\n", overflow="fold", min_width=9)
     for column in _COLUMNS:
         table.add_column(column.heading, justify="right", no_wrap=True)

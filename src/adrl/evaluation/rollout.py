@@ -2,16 +2,17 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
+from adrl.deploy.policies import act, begin, checked_actions
 from adrl.envs import NOMINAL, Body, NavSim, Randomization
 from adrl.envs.nav_sim import Outcome
-from adrl.errors import ConfigError, TaskError
+from adrl.errors import TaskError
 from adrl.evaluation.metrics import Episodes
-from adrl.observation import EncoderConfig
+from adrl.observation import Encoder, EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward
 from adrl.types import Array, Policy, RobotConfig, Task
@@ -22,6 +23,7 @@ CHUNK = 1000
 """Robots stepped at once: bounds the memory of a long evaluation."""
 
 
+@runtime_checkable
 class PrivilegedPolicy(Protocol):
     """A policy that may look behind the sensors, as a planner that knows the map does."""
 
@@ -83,7 +85,7 @@ def rollout(
     robot: RobotConfig,
     *,
     guidance: str = "goal",
-    encoder: EncoderConfig | None = None,
+    encoder: EncoderConfig | Encoder | None = None,
     randomization: Randomization = NOMINAL,
     replanner: ReplannerConfig | None = None,
     maturity: float = 0.0,
@@ -111,6 +113,10 @@ def rollout(
     parts, routes, starts, returns, replans, done = [], [], [], [], [], 0
     asked = [recorder.reward for recorder in recorders] if rewards is None else [rewards.config]
     shown = next((config for config in asked if config is not None), None)
+    own = encoder if isinstance(encoder, Encoder) else None
+    config = (
+        encoder if not isinstance(encoder, Encoder) else EncoderConfig(history_steps=encoder.history_steps)
+    )
     side_by_side = CHUNK if body is None else body.num_envs
     for first in range(0, len(tasks), side_by_side):
         chunk = tasks[first : first + side_by_side]
@@ -119,7 +125,7 @@ def rollout(
             robot,
             guidance=guidance,
             randomization=randomization,
-            encoder=encoder,
+            encoder=config,
             reward=shown,
             replanner=replanner,
             maturity=maturity,
@@ -134,12 +140,18 @@ def rollout(
         sim.reset(np.arange(len(chunk)), chunk, seeds, drawers)
         keep = max(0, min(record - first, len(chunk)))
 
+        def observe(sim: NavSim = sim) -> NDArray[np.floating]:
+            return sim.observe() if own is None else own.encode(*sim.measured())
+
         def progress(ended: int, before: int = done) -> None:
             if on_step is not None:
                 on_step(before + ended, len(tasks))
 
-        starts.append(sim.observe())
-        part, kept, earned = _drive(policy, sim, numbers, keep, rewards, recorders, progress, on_drive)
+        starts.append(observe())
+        begin(policy, np.arange(len(chunk)))
+        part, kept, earned = _drive(
+            policy, sim, observe, numbers, keep, rewards, recorders, progress, on_drive
+        )
         parts.append(part)
         routes += kept
         returns.append(earned)
@@ -159,6 +171,7 @@ def rollout(
 def _drive(
     policy: Policy | PrivilegedPolicy,
     sim: NavSim,
+    observe: Callable[[], NDArray[np.floating]],
     numbers: NDArray[np.int64],
     keep: int,
     rewards: Rewards | None,
@@ -182,13 +195,7 @@ def _drive(
     while sim.b["active"].any():
         active = sim.b["active"].astype(bool)
         before = sim.b["twist"][:, 1].copy()
-        actions = policy.act_in(sim) if hasattr(policy, "act_in") else policy.act(sim.observe())  # pyright: ignore
-        if np.shape(actions) != (n, 2) or not np.isfinite(actions).all():
-            raise ConfigError(
-                f"policy {type(policy).__name__} gave actions of shape {np.shape(actions)}, or not finite ones; "
-                f"give ({n}, 2) numbers: speed and yaw rate in [-1, 1]"
-            )
-        outcome = sim.step(actions)
+        outcome = sim.step(_actions(policy, sim, observe))
         for recorder in recorders:
             recorder.add(sim, active, outcome)
         moving = (
@@ -228,6 +235,14 @@ def _drive(
     }
     path = np.stack(trace)  # (T, keep, 2)
     return columns, [path[: int(steps[i]) + 1, i] for i in range(keep)], earned
+
+
+def _actions(
+    policy: Policy | PrivilegedPolicy, sim: NavSim, observe: Callable[[], NDArray[np.floating]]
+) -> F32:
+    if isinstance(policy, PrivilegedPolicy):
+        return checked_actions(policy, policy.act_in(sim), sim.num_envs)
+    return act(policy, observe())
 
 
 def _concatenate(parts: list[dict[str, NDArray[np.generic]]]) -> Episodes:

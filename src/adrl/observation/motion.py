@@ -39,13 +39,18 @@ class ScanHistory:
         self.arrays["past_ranges"][newest[0]] = ranges
         self.arrays["past_odometry"][newest[0]] = odometry
 
-    def cues(self, motion: "_core.MotionCue", num_sectors: int) -> F32:
-        """(N, num_sectors) what has moved between the oldest scan and the newest; see motion_cue."""
+    def ends(self) -> tuple[F32, Array, F32, Array]:
+        """Ranges (N, K) and odometry (N, 3) of the newest scan, and of the oldest."""
         ranges, odometry = self.arrays["past_ranges"], self.arrays["past_odometry"]
         newest = int(self.arrays["newest"][0])
         oldest = (newest + 1) % len(ranges)
-        out = np.empty((ranges.shape[1], num_sectors), dtype=np.float32)
-        motion.compute(ranges[newest], odometry[newest], ranges[oldest], odometry[oldest], out)
+        return ranges[newest], odometry[newest], ranges[oldest], odometry[oldest]
+
+    def cues(self, motion: "_core.MotionCue", num_sectors: int) -> F32:
+        """(N, num_sectors) what has moved between the oldest scan and the newest; see motion_cue."""
+        ends = self.ends()
+        out = np.empty((len(ends[0]), num_sectors), dtype=np.float32)
+        motion.compute(*ends, out)
         return out
 
     def of(self, rows: NDArray[np.intp]) -> "ScanHistory":

@@ -10,13 +10,12 @@ from adrl.agents.metrics import METRICS_FILE
 from adrl.deploy.policy import CONFIG_FILE
 from adrl.errors import CheckpointError
 from adrl.evaluation.metrics import RATES, Episodes
-from adrl.evaluation.results import read_episodes, read_table
+from adrl.evaluation.results import EPISODES_FILE, SUMMARY_FILE, read_episodes, read_table
 from adrl.evaluation.traces import TRACES_FILE, Traces, read_traces
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
-SUMMARY_FILE, EPISODES_FILE = "summary.json", "episodes.parquet"
 RESULTS_FILE, SETTINGS_FILE = "results.json", "settings.json"
 """Of a comparison's folder."""
 

@@ -8,7 +8,8 @@ from typing import Any, Literal, TypeVar
 
 from adrl.deploy import Navigator, SupervisorConfig
 from adrl.deploy.driver import Driver
-from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
+from adrl.deploy.policies import find_policy
+from adrl.deploy.policy import DEFAULT
 from adrl.errors import ConfigError
 from adrl.worlds import load_map
 from adrl.worlds.place import Place
@@ -26,7 +27,7 @@ class DriveConfig:
     """A policy that drives a robot to the goals it gets."""
 
     policy: str = DEFAULT
-    """a shipped policy (adrl list), or a run folder."""
+    """A shipped policy (adrl list), a run folder, model.onnx, an SB3 model.zip, or module:object of your own."""
     guidance: Literal["goal", "replan", "map"] | None = None
     """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when blocked;
     map: a waypoint on the A* path of the known map. map with a map, else as trained, which must not be map."""
@@ -58,8 +59,8 @@ class DriveConfig:
 
     def driver(self) -> Driver:
         """Load all of it. Raises AdrlError."""
-        policy = load_policy(resolve_policy(self.policy))
-        guidance = self.guidance or ("map" if self.map is not None else policy.config.guidance)
+        policy = find_policy(self.policy)
+        guidance = self.guidance or ("map" if self.map is not None else policy.guidance)
         if guidance == "map" and self.map is None:
             raise ConfigError(
                 f"policy {self.policy!r} drives with guidance map: give --map MAP.yaml, or --guidance goal or replan"

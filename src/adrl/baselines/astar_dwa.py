@@ -7,7 +7,11 @@ from adrl.envs import NavSim
 
 
 class AStarDwaPolicy:
-    """Drives with full knowledge of its world: the path is planned when the task is made, discs are foreseen."""
+    """A*+DWA with the true map: the path is planned when the task is made, discs are foreseen."""
+
+    name = method = "astar-dwa"
+    guidance = "map"
+    training_worlds: tuple[str, ...] = ()
 
     def act_in(self, sim: NavSim) -> NDArray[np.float32]:
         """(N, 2) actions in the simulator's current state."""

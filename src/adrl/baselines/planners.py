@@ -1,0 +1,11 @@
+"""The classical planners, by name. A new one is a file beside this and a line here."""
+
+from collections.abc import Callable
+from typing import Any
+
+from adrl.baselines.astar_dwa import AStarDwaPolicy
+
+PLANNER = "astar-dwa"
+"""The reference of comparisons."""
+PLANNERS: dict[str, Callable[[], Any]] = {PLANNER: AStarDwaPolicy}
+"""name -> what makes it: a policy as adrl.types.Policy has it, or one with act_in(simulator), which knows the world."""

@@ -1,0 +1,87 @@
+"""A model that adrl export wrote, run by ONNX Runtime: the encoder is inside, so it takes measurements."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.deploy.policy import fingerprint
+from adrl.errors import CheckpointError, ConfigError, MissingExtra
+from adrl.observation import Measurements
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.types import RobotConfig
+from adrl.worlds.robots import robot_from_fields
+
+INPUTS = ("ranges", "goal", "twist", "last_action")
+PAST_INPUTS = ("past_ranges", "pose", "past_pose")
+"""Those of a model with motion cues beside these."""
+METADATA = ("robot", "encoder", "guidance", "method", "maturity")
+
+
+class OnnxPolicy:
+    """See load_onnx. What it was trained for stands in the model."""
+
+    def __init__(self, session: Any, name: str, fingerprint: str) -> None:
+        """session: of ONNX Runtime, with the model. Raises CheckpointError for one that adrl export did not write."""
+        self.name, self.fingerprint = name, fingerprint
+        self._session = session
+        inputs = {spec.name: spec.shape for spec in session.get_inputs()}
+        about = session.get_modelmeta().custom_metadata_map
+        if not ({*INPUTS} <= inputs.keys() <= {*INPUTS, *PAST_INPUTS} and about.keys() >= {*METADATA}):
+            raise CheckpointError(
+                f"{name}: not a model of adrl export --onnx (inputs {', '.join(inputs)}); give a policy of your own as "
+                "module:object, see docs/guide/policy.md"
+            )
+        self._inputs = tuple(inputs)
+        self._beams = inputs["ranges"][1]
+        try:
+            encoder = json.loads(about["encoder"])
+            self.robot: RobotConfig = robot_from_fields(json.loads(about["robot"]))
+            self.encoder = Measurements(int(encoder.get("history_steps", 0)))
+            self.replanner = ReplannerConfig(**json.loads(about.get("replanner", "{}")))
+            self.maturity = float(about["maturity"])
+        except (ValueError, TypeError, AttributeError, ConfigError) as error:
+            raise CheckpointError(f"{name}: its metadata is damaged ({error}); export it again") from None
+        self.guidance, self.method = about["guidance"], about["method"]
+
+    def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
+        """(N, D) measurements -> (N, 2) actions in [-1, 1]. Raises ConfigError for the scans of another LiDAR."""
+        measured = self.encoder.split(observation)._asdict()
+        beams = measured["ranges"].shape[1]
+        if beams != self._beams:
+            raise ConfigError(
+                f"policy {self.name} takes scans of {self._beams} beams, those of robot {self.robot.name}, and the "
+                f"robot that drives has {beams}; leave out another robot"
+            )
+        given = {
+            name: np.ascontiguousarray(measured[name], np.float64 if name in PAST_INPUTS[1:] else np.float32)
+            for name in self._inputs
+        }
+        return self._session.run(["action"], given)[0]
+
+
+def load_onnx(path: Path) -> OnnxPolicy:
+    """The policy in a file that adrl export wrote. Raises MissingExtra without ONNX Runtime, CheckpointError."""
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        raise CheckpointError(f"{path}: no such file; write it with adrl export RUN --onnx") from None
+    except OSError as error:
+        raise CheckpointError(f"{path}: cannot be read ({error})") from None
+    try:
+        import onnxruntime
+    except ImportError:
+        raise MissingExtra(
+            "policies in ONNX need ONNX Runtime; install the extra: pip install 'adrl[onnxruntime]'"
+        ) from None
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 3
+    try:
+        session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # of a type that onnxruntime keeps to itself
+        reason = " ".join(str(error).split())
+        raise CheckpointError(f"{path}: not a readable ONNX model ({reason[:200]})") from None
+    return OnnxPolicy(session, path.name, fingerprint(content))
