@@ -8,12 +8,14 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import EntryPoint
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from adrl import registry
 from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
 from adrl.cli import COMMANDS, main
@@ -155,6 +157,19 @@ class TestHelp:
         named = {line.split()[0] for line in capsys.readouterr().out.splitlines() if line.startswith("  ")}
         assert named == {*ROBOTS, *SCENARIOS, *METHODS, *SB3_METHODS, *GUIDANCE, "astar-dwa", "default"}
 
+    def test_list_names_what_installed_packages_offer(
+        self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        kinds = ("robots", "scenarios", "methods", "reward_terms", "policies")
+        points = [EntryPoint(f"my-{kind}", f"nowhere:{kind}", f"adrl.{kind}") for kind in kinds]
+        monkeypatch.setattr(
+            registry, "entry_points", lambda *, group: [point for point in points if point.group == group]
+        )
+        assert main(["list"]) == 0
+        shown = capsys.readouterr().out.splitlines()
+        for kind in kinds:
+            assert f"  my-{kind:<17} plug-in of nowhere:{kind}" in shown
+
     def test_version(self, capsys: pytest.CaptureFixture[str]) -> None:
         from adrl import __version__
 
@@ -258,7 +273,7 @@ class TestEvaluate:
             used.append(options["replanner"])
             return rollout(*arguments, **options)
 
-        monkeypatch.setattr("adrl.api.rollout", spy)
+        monkeypatch.setattr("adrl.evaluation.evaluate.rollout", spy)
         corrected = self.evaluate(run, tmp_path, "--guidance", "replan")
         printed = self.evaluate(run, tmp_path, "--guidance", "replan", "--paper-literal")
         plain, literal = used

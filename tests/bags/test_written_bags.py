@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
 import adrl
@@ -47,12 +48,20 @@ def placed(frame: tuple[float, float, float], x: float, y: float) -> tuple[float
     return frame[0] + c * x - s * y, frame[1] + s * x + c * y
 
 
+class Turns:
+    """On the spot, until the time is up."""
+
+    def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.tile(np.array([-1.0, 0.5], np.float32), (len(observation), 1))
+
+
 @pytest.mark.parametrize("name", FORMATS)
 @pytest.mark.parametrize("guidance", ["goal", "map"])
 def test_messages_are_those_of_the_evaluation(tmp_path: Path, name: str, guidance: str) -> None:
     path = tmp_path / name
+    policy = "astar-dwa" if guidance == "map" else Turns()
     result = adrl.evaluate(
-        "default", robot=ROBOT, guidance=guidance, episodes=3, num_threads=1, bag=path, record=3
+        policy, robot=ROBOT, guidance=guidance, episodes=3, num_threads=1, bag=path, record=3
     )
     found = contents(path)
     topics = {"/scan", "/odom", "/cmd_vel", "/goal_pose", "/tf"} | ({"/plan"} if guidance == "map" else set())

@@ -1,14 +1,16 @@
 """adrl list."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.metadata import EntryPoint
 
 from adrl.agents.methods import METHODS
-from adrl.api import PLANNER
 from adrl.baselines import SB3_METHODS
+from adrl.baselines.planners import PLANNERS
 from adrl.commands.options import parse
 from adrl.deploy.policy import SHIPPED
-from adrl.types import GUIDANCE
+from adrl.registry import offered
+from adrl.types import GUIDANCE, RobotConfig
 from adrl.worlds import ROBOTS, SCENARIOS
 
 
@@ -18,33 +20,42 @@ class ListOptions:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Print every registry."""
-    parse(ListOptions, arguments, "list", "List robots, scenarios, methods, guidance and policies.")
-    print("robots:")
-    for name, robot in ROBOTS.items():
-        shape = (
-            f"disc of {robot.radius_m} m" if robot.radius_m is not None else f"{len(robot.polygon)} corners"
-        )
-        lidar = robot.lidar
-        print(
-            f"  {name:<20} {shape}, {robot.max_speed_mps} m/s, {robot.max_yaw_rate_radps} rad/s, "
-            f"{lidar.num_beams} beams to {lidar.max_range_m} m"
-        )
-    for title, entries in (
-        ("scenarios", {name: _first_line(scenario) for name, scenario in SCENARIOS.items()}),
-        ("methods", {name: _first_line(method) for name, method in METHODS.items()}),
-        (
-            "baselines",
-            {name: f"{a} of Stable-Baselines3, in adrl compare" for name, a in SB3_METHODS.items()},
-        ),
-        ("guidance", dict.fromkeys(GUIDANCE, "")),
-        ("policies", {PLANNER: "A*+DWA with the true map"} | SHIPPED),
-    ):
-        print(f"{title}:")
-        for name, text in entries.items():
-            print(f"  {name:<20} {text}".rstrip())
+    """Print every registry, and what installed packages offer in it."""
+    parse(ListOptions, arguments, "list", "List all that has a name, with what installed packages offer.")
+    _section("robots", {name: _numbers(robot) for name, robot in ROBOTS.items()}, "robot")
+    _section("scenarios", _first_lines(SCENARIOS), "scenario")
+    _section("methods", _first_lines(METHODS), "method")
+    baselines = {name: f"{a} of Stable-Baselines3, in adrl compare" for name, a in SB3_METHODS.items()}
+    _section("baselines", baselines)
+    _section("reward terms of other packages", {}, "reward term")
+    _section("guidance", dict.fromkeys(GUIDANCE, ""))
+    _section("planners", _first_lines(PLANNERS))
+    _section("policies", SHIPPED, "policy")
     return 0
 
 
-def _first_line(documented: object) -> str:
-    return (documented.__doc__ or "").strip().splitlines()[0]
+def _section(title: str, ours: Mapping[str, str], kind: str | None = None) -> None:
+    """Our names, then those that entry points of the kind add."""
+    others = offered(kind) if kind is not None else {}
+    entries = {name: f"plug-in of {_package(point)}" for name, point in others.items()} | dict(ours)
+    if entries:
+        print(f"{title}:")
+    for name in [*ours, *(other for other in others if other not in ours)]:
+        print(f"  {name:<20} {entries[name]}".rstrip())
+
+
+def _package(point: EntryPoint) -> str:
+    return point.dist.name if point.dist is not None else point.value
+
+
+def _numbers(robot: RobotConfig) -> str:
+    lidar = robot.lidar
+    shape = f"disc of {robot.radius_m} m" if robot.radius_m is not None else f"{len(robot.polygon)} corners"
+    return (
+        f"{shape}, {robot.max_speed_mps} m/s, {robot.max_yaw_rate_radps} rad/s, "
+        f"{lidar.num_beams} beams to {lidar.max_range_m} m"
+    )
+
+
+def _first_lines(documented: Mapping[str, object]) -> dict[str, str]:
+    return {name: (entry.__doc__ or "").strip().partition("\n")[0] for name, entry in documented.items()}
