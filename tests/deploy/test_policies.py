@@ -160,8 +160,8 @@ class TestNames:
             ("mine/for.py:P", ConfigError, "give MODULE:OBJECT"),
             ("defalt", UnknownName, "did you mean 'default'"),
             ("runs/gone", CheckpointError, "no such folder"),
-            ("gone.onnx", CheckpointError, "gone.onnx: no such file"),
-            ("gone.zip", CheckpointError, "gone.zip: no such file"),
+            ("gone.onnx", CheckpointError, "gone.onnx does not exist; give"),
+            ("gone.zip", CheckpointError, "gone.zip does not exist; give"),
         ],
     )
     def test_what_is_not_there_is_said(

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.deploy.policy import fingerprint
+from adrl.deploy.policy import fingerprint, read_model
 from adrl.errors import CheckpointError, ConfigError, MissingExtra
 from adrl.observation import Measurements
 from adrl.planning.replanner_config import ReplannerConfig
@@ -64,12 +64,7 @@ class OnnxPolicy:
 
 def load_onnx(path: Path) -> OnnxPolicy:
     """The policy in a file that adrl export wrote. Raises MissingExtra without ONNX Runtime, CheckpointError."""
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise CheckpointError(f"{path}: no such file; write it with adrl export RUN --onnx") from None
-    except OSError as error:
-        raise CheckpointError(f"{path}: cannot be read ({error})") from None
+    content = read_model(path, "what adrl export RUN --onnx wrote")
     try:
         import onnxruntime
     except ImportError:

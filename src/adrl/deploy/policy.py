@@ -17,8 +17,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as read_safetensors
 from safetensors.numpy import save as pack_safetensors
 
-from adrl.errors import CheckpointError
-from adrl.files import atomic_write_bytes, write_json
+from adrl.errors import CheckpointError, FileError
+from adrl.files import atomic_write_bytes, read_bytes, write_json
 from adrl.types import ACTION_SIZE
 
 F32 = NDArray[np.float32]
@@ -26,6 +26,7 @@ F32 = NDArray[np.float32]
 SCHEMA_VERSION = 1
 WEIGHTS_FILE = "policy.safetensors"
 CONFIG_FILE = "config.json"
+MAX_MODEL_BYTES = 2**30
 DEFAULT = "default"
 SHIPPED = {
     DEFAULT: "ships with ADRL: diffbot, waypoints of a map",
@@ -107,6 +108,14 @@ class MlpPolicy:
 def fingerprint(*parts: bytes) -> str:
     """Of a policy's content."""
     return sha256(b"".join(parts)).hexdigest()[:16]
+
+
+def read_model(path: Path, expected: str) -> bytes:
+    """The content of another program's file; expected: what to give. Raises CheckpointError."""
+    try:
+        return read_bytes(path, MAX_MODEL_BYTES)
+    except FileError as error:
+        raise CheckpointError(f"{path} {error}; give {expected}") from None
 
 
 def resolve_policy(policy: str | os.PathLike[str]) -> Path:

@@ -1,12 +1,13 @@
 """A model that Stable-Baselines3, or sb3-contrib, saved: the policy in it, without its algorithm."""
 
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.deploy.policy import fingerprint
+from adrl.deploy.policy import fingerprint, read_model
 from adrl.errors import CheckpointError, MissingExtra
 
 
@@ -49,14 +50,7 @@ def load_sb3(path: Path) -> Sb3Policy:
 
     Raises MissingExtra without Stable-Baselines3, CheckpointError for another file, or for other spaces.
     """
-    try:
-        content = path.read_bytes()
-    except FileNotFoundError:
-        raise CheckpointError(
-            f"{path}: no such file; give what model.save() of Stable-Baselines3 wrote"
-        ) from None
-    except OSError as error:
-        raise CheckpointError(f"{path}: cannot be read ({error})") from None
+    content = read_model(path, "what model.save() of Stable-Baselines3 wrote")
     try:
         from stable_baselines3.common.save_util import load_from_zip_file
     except ImportError:
@@ -64,7 +58,7 @@ def load_sb3(path: Path) -> Sb3Policy:
             "policies of Stable-Baselines3 need it; install the extra: pip install 'adrl[baselines]'"
         ) from None
     try:
-        data, parameters, _ = load_from_zip_file(path, device="cpu")
+        data, parameters, _ = load_from_zip_file(io.BytesIO(content), device="cpu")
         assert data is not None
         seen, done = data["observation_space"], data["action_space"]
         options = dict(data["policy_kwargs"])

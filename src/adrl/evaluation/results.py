@@ -93,8 +93,8 @@ def require_results_folder(option: str, path: outputs.PathLike | None) -> None:
     if summary is None or not summary.exists():
         return
     try:
-        known = "split" in json.loads(summary.read_text(encoding="utf-8"))
-    except (OSError, ValueError, TypeError, RecursionError):
+        known = "split" in json.loads(files.read_text(summary, MAX_BYTES))
+    except (FileError, ValueError, TypeError, RecursionError):
         known = False
     if not known:
         raise ConfigError(f"{option} {path} holds results of something else; give another folder")
