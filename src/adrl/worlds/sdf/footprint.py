@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from adrl.types import Array
 
@@ -58,6 +57,8 @@ class Footprint:
 
     def add_hull(self, points: Array) -> None:
         """The convex hull of (N, 2) points: a polygon, or a segment where they are on a line."""
+        from scipy.spatial import ConvexHull, QhullError  # not at the top: a robot has no SciPy
+
         try:
             corners = points[ConvexHull(points).vertices]
             # Corners that turn by less than rounding are none.

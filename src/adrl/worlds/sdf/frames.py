@@ -11,7 +11,6 @@ from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from adrl.errors import WorldError
 from adrl.types import Array
@@ -34,6 +33,8 @@ def pose_matrix(element: Element | None, name: str) -> Array:
         pose = words(text, 7, f"{name}: <pose>")
         if math.hypot(*pose[3:]) < 1e-6:
             raise WorldError(f"{name} has a pose whose quaternion is zero; give one of length 1")
+        from scipy.spatial.transform import Rotation  # not at the top: a robot has no SciPy
+
         matrix[:3, :3] = Rotation.from_quat(pose[3:]).as_matrix()
     elif form == "euler_rpy":
         pose = words(text, 6, f"{name}: <pose>")
@@ -46,6 +47,8 @@ def pose_matrix(element: Element | None, name: str) -> Array:
 
 def _euler(roll: float, pitch: float, yaw: float, *, degrees: bool) -> Array:
     """Rotations about the fixed axes x, y and z, in this order."""
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_euler("xyz", (roll, pitch, yaw), degrees=degrees).as_matrix()
 
 
