@@ -43,12 +43,17 @@ class ObservationDecoder:
         config, robot = self._encoder.config, self.robot
         if observation.ndim != 2 or observation.shape[1] != self._encoder.size:
             raise ValueError(f"observations of shape {observation.shape}; give (N, {self._encoder.size})")
-        told = {name: np.asarray(observation[:, place], np.float64) for name, place in self._encoder.places.items()}
+        told = {
+            name: np.asarray(observation[:, place], np.float64)
+            for name, place in self._encoder.places.items()
+        }
         reach = math.log1p(robot.lidar.max_range_m / config.near_m)
         direction, near, far = told["goal"][:, :2], told["goal"][:, 2], told["goal"][:, 3]
         # Near goals and far ones have a scale each; the far one ends at 10 m.
         distance = np.where(
-            far < 1.0, 10.0 * far, config.goal_scale_m * near / np.maximum(1.0 - near, np.finfo(np.float32).eps)
+            far < 1.0,
+            10.0 * far,
+            config.goal_scale_m * near / np.maximum(1.0 - near, np.finfo(np.float32).eps),
         )
         cue_m = config.history_steps * robot.control_period_s * robot.max_speed_mps
         return Decoded(
