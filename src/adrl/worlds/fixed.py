@@ -1,11 +1,16 @@
 """Scenarios in one given world: only start and goal are drawn."""
 
+import logging
+
 import numpy as np
 
 from adrl.errors import TaskError
 from adrl.planning.grid import clearance_limit_m, free_space, planning_grid
 from adrl.types import RobotConfig, Task, World
-from adrl.worlds.tasks import GOAL_TOLERANCE_M, TaskSpace, draw_task, extents_m, task_space
+from adrl.worlds.inside import inside
+from adrl.worlds.tasks import GOAL_TOLERANCE_M, TaskSpace, draw_task, task_space
+
+LOG = logging.getLogger("adrl.worlds")
 
 PATH_M = (5.0, 30.0)
 """Least and greatest length of the shortest path, where the world allows."""
@@ -14,9 +19,11 @@ PATH_M = (5.0, 30.0)
 class FixedWorld:
     """Tasks in one world, which all of them share."""
 
-    def __init__(self, name: str, world: World) -> None:
+    def __init__(self, name: str, world: World, *, open_bounds: bool = False) -> None:
+        """open_bounds: the bounds reach beyond what stands in the world; tasks lie inside of that, see inside()."""
         self.name = name
         self.world = world
+        self.open_bounds = open_bounds
         # Clearances and regions are the dear part of a task; what matters of a robot is its radius.
         self._prepared: dict[float, tuple[TaskSpace, tuple[float, float]]] = {}
 
@@ -37,14 +44,18 @@ class FixedWorld:
     def _prepare(self, robot: RobotConfig) -> tuple[TaskSpace, tuple[float, float]]:
         """The task space and the range of path lengths it allows."""
         space = free_space(planning_grid(self.world, clearance_limit_m(robot)), robot)
-        regions = task_space(space).regions
-        widest = float(extents_m(space, regions).max(initial=0.0))
+        tasks = task_space(space)
+        if self.open_bounds:
+            tasks, choice = inside(self.world, tasks)
+            if choice:
+                LOG.warning(f"{self.name}, robot {robot.name!r}: {choice}")
+        widest = float(tasks.extents_m.max(initial=0.0))
         # A path is never shorter than the straight way, so half the widest extent is a length that exists.
         shortest = min(PATH_M[0], 0.5 * widest)
         if shortest < 2.0 * GOAL_TOLERANCE_M:
             raise TaskError(
-                f"{self.name}: the widest region with the {space.inflation_m:.2f} m of clearance that robot "
+                f"{self.name}: the widest region for tasks with the {space.inflation_m:.2f} m of clearance that robot "
                 f"{robot.name!r} needs spans {widest:.2f} m; take a smaller robot or another world"
             )
         # Few paths are longer than twice the widest extent; asking for more only wastes tries.
-        return task_space(space, smallest_extent_m=shortest), (shortest, min(PATH_M[1], 2.0 * widest))
+        return tasks.reaching(shortest), (shortest, min(PATH_M[1], 2.0 * widest))

@@ -10,7 +10,7 @@ from adrl.worlds.sdf import load_sdf
 
 
 class SdfScenario(FixedWorld):
-    """Start and goal inside the world's bounds. models and ignore are those of load_sdf, and so are the errors."""
+    """Start and goal inside what stands in the world. models and ignore are those of load_sdf, and so are the errors."""
 
     def __init__(
         self,
@@ -20,7 +20,7 @@ class SdfScenario(FixedWorld):
         ignore: Sequence[str] = (),
     ) -> None:
         world = load_sdf(path, models=models, ignore=ignore)
-        super().__init__(f"sdf:{Path(path).stem}", world)
+        super().__init__(f"sdf:{Path(path).stem}", world, open_bounds=True)
         self.notes = world.notes
         """What was left out of the world, and what was guessed: a line each."""
 

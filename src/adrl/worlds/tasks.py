@@ -1,9 +1,9 @@
 """Tasks: drawn from a world, fixed sets of them, and one of the user's own."""
 
-import dataclasses
 import math
-from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol, Self, runtime_checkable
 from zlib import crc32
 
 import numpy as np
@@ -46,16 +46,39 @@ class TaskSpace:
     """Where tasks may start and end, for one world and robot."""
 
     space: FreeSpace
-    cells: NDArray[np.intp]
-    """(C,) flat indices of the cells."""
+    allowed: NDArray[np.bool_]
+    """(H, W) those cells."""
     regions: NDArray[np.int32]
     """(H, W) number of the connected region, 0 where blocked."""
     coarse: NDArray[np.uint8]
     """(H / COARSE, W / COARSE) 1 where a whole block of cells is blocked."""
 
+    @cached_property
+    def cells(self) -> NDArray[np.intp]:
+        """(C,) flat indices of the cells."""
+        return np.flatnonzero(self.allowed)
 
-def task_space(space: FreeSpace, smallest_extent_m: float = 0.0) -> TaskSpace:
-    """Regions and cells of a free space, without the regions whose bounding box has a shorter diagonal."""
+    @property
+    def extents_m(self) -> Array:
+        """(R,) diagonals of the boxes about the cells of regions 1, 2, ...; 0 for a region without any."""
+        from scipy import ndimage
+
+        count = int(self.regions.max(initial=0))
+        boxes = ndimage.find_objects(np.where(self.allowed, self.regions, 0), max_label=count)
+        sides = [[axis.stop - axis.start for axis in box] if box else [0, 0] for box in boxes]
+        return np.hypot(*np.array(sides, dtype=np.float64).reshape(-1, 2).T) * self.space.grid.resolution_m
+
+    def on(self, ground: NDArray[np.bool_]) -> Self:
+        """The same with tasks on these cells (H, W) only."""
+        return replace(self, allowed=self.allowed & ground)
+
+    def reaching(self, extent_m: float) -> Self:
+        """The same with tasks in those regions only whose cells reach so far."""
+        return self.on(np.concatenate([[False], self.extents_m >= extent_m])[self.regions])
+
+
+def task_space(space: FreeSpace) -> TaskSpace:
+    """Regions and cells of a free space."""
     # SciPy's import takes 0.4 s, and a list of scenarios should not.
     from scipy import ndimage
 
@@ -63,19 +86,7 @@ def task_space(space: FreeSpace, smallest_extent_m: float = 0.0) -> TaskSpace:
     regions = np.empty(space.blocked.shape, dtype=np.int32)
     ndimage.label(space.blocked == 0, output=regions)
     allowed = space.grid.task_cells & (regions > 0)
-    if smallest_extent_m > 0.0:
-        wide = extents_m(space, regions) >= smallest_extent_m
-        allowed &= np.concatenate([[False], wide])[regions]
-    cells = np.flatnonzero(allowed)
-    return TaskSpace(space=space, cells=cells, regions=regions, coarse=_coarse(space.blocked))
-
-
-def extents_m(space: FreeSpace, regions: NDArray[np.int32]) -> Array:
-    """(count,) diagonals of the bounding boxes of regions 1, 2, ..."""
-    from scipy import ndimage
-
-    sides = [[axis.stop - axis.start for axis in box] for box in ndimage.find_objects(regions)]
-    return np.hypot(*np.array(sides, dtype=np.float64).reshape(-1, 2).T) * space.grid.resolution_m
+    return TaskSpace(space=space, allowed=allowed, regions=regions, coarse=_coarse(space.blocked))
 
 
 def draw_task(
@@ -189,7 +200,7 @@ def single_task(
     path = plan(world, start, goal, robot)
     if math.dist(start[:2], goal) <= goal_tolerance_m:
         raise TaskError(f"goal {goal} is within {goal_tolerance_m} m of the start already; move it away")
-    return dataclasses.replace(_task(world, start, path, robot), goal_tolerance_m=goal_tolerance_m)
+    return replace(_task(world, start, path, robot), goal_tolerance_m=goal_tolerance_m)
 
 
 def time_limit_s(shortest_m: float, robot: RobotConfig) -> float:
@@ -237,7 +248,7 @@ def _path_within(
         last = int(wanted / length * (len(cells) - 1))
         path = shorten(tasks.space, np.ascontiguousarray(cells[: last + 1]))
         length = length_m(path)
-        if not tasks.space.grid.task_cells[tuple(cells[last])]:
+        if not tasks.allowed[tuple(cells[last])]:
             return None
     return path if range_m[0] <= length <= range_m[1] else None
 
