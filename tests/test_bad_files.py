@@ -134,7 +134,7 @@ class TestRobotFiles:
             ("[lidar]\nnum_beams = 0", ("num_beams is 0", "give 1 to 2048")),
             ("max_speed_mps = nan", ("max_speed_mps", "nan", "give")),
             ("[lidar]\nnoise_std_m = nan", ("noise_std_m", "nan", "give")),
-            ("radius_m = 0.0", ("radius_m", "give a positive")),
+            ("radius_m = 0.0", ("radius_m is 0.0", "give 0.01 to 10")),
             ("max_sped_mps = 1.0", ("max_sped_mps", "'max_speed_mps'")),
             ("name = ", ("not valid TOML",)),
         ],

@@ -180,4 +180,5 @@ void bind_batch_sim(nb::module_ &m) {
     m.attr("NUM_PARAMS") = static_cast<int>(kNumParams);
     m.attr("MEMORY_SIZE") = kMemory;
     m.attr("MAX_LATENCY_PERIODS") = kHistory - 1;
+    m.attr("MAX_CORNERS") = kMaxCorners;
 }

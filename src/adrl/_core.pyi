@@ -78,6 +78,8 @@ NUM_PARAMS: int
 dropout probability, relative odometry error of speed and of yaw rate."""
 MEMORY_SIZE: int
 MAX_LATENCY_PERIODS: int
+MAX_CORNERS: int
+"""Corners of a footprint."""
 
 class Task:
     """A world with a start, a goal and a path (P, 2) between them."""

@@ -3,13 +3,14 @@
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal, Protocol, get_args, runtime_checkable
+from typing import Annotated, Any, Literal, Protocol, get_args, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.errors import ConfigError
+from adrl.ranges import Range, check_ranges
 
 Array = NDArray[np.float64]
 ACTION_SIZE = 2
@@ -19,6 +20,10 @@ Form = Literal["literal", "corrected"]
 """How an equation of the paper is computed: as printed, or as docs/fidelity.md says it has to be read."""
 FORMS: tuple[Form, ...] = get_args(Form)
 SPLITS = ("train", "validation", "test")
+FULL_CIRCLE_RAD = 2.0 * math.pi + 1e-6
+"""And what rounding adds."""
+MOST_M = 10.0
+"""No corner of a footprint has a greater coordinate."""
 
 
 def _require(ok: bool, message: str) -> None:
@@ -33,12 +38,6 @@ def require_forms(owner: object, *equations: str) -> None:
         _require(value in FORMS, f"{type(owner).__name__}.{equation} is {value!r}; give literal or corrected")
 
 
-def _finite(owner: object, *names: str) -> None:
-    for name in names:
-        value = getattr(owner, name)
-        _require(math.isfinite(value), f"{type(owner).__name__}.{name} is {value}; give a finite number")
-
-
 class _HasNative:
     """Lays itself out for the core as `native`, on first use; a copy, which cannot have it, does so again."""
 
@@ -50,33 +49,25 @@ class _HasNative:
 class LidarConfig:
     """A planar LiDAR fixed to the robot. Beam i points at angle_min_rad + i * angle_increment_rad."""
 
-    num_beams: int = 180
+    num_beams: Annotated[int, Range(1, 2048)] = 180
     """Beams a scan, spread evenly over the field of view; 1 to 2048."""
-    fov_rad: float = 2.0 * math.pi
-    """Field of view, centred on the mount's heading; a full circle does not repeat its first beam."""
-    max_range_m: float = 6.0
-    """Range reported when nothing is hit."""
-    noise_std_m: float = 0.01
-    """Standard deviation of the range noise."""
-    dropout_probability: float = 0.0
-    """Chance that a beam reports max_range_m whatever it hit."""
-    mount_x_m: float = 0.0
-    mount_y_m: float = 0.0
-    mount_yaw_rad: float = 0.0
-    """Pose of the sensor in the robot's frame."""
+    fov_rad: Annotated[float, Range(0.001, FULL_CIRCLE_RAD)] = 2.0 * math.pi
+    """Field of view, centred on the mount's heading; 0.001 to 6.28319. A full circle does not repeat its first beam."""
+    max_range_m: Annotated[float, Range(0.05, 1000.0)] = 6.0
+    """Range reported when nothing is hit; 0.05 to 1000."""
+    noise_std_m: Annotated[float, Range(0.0, 1.0)] = 0.01
+    """Standard deviation of the range noise; 0 to 1."""
+    dropout_probability: Annotated[float, Range(0.0, 0.99)] = 0.0
+    """Chance that a beam reports max_range_m whatever it hit; 0 to 0.99."""
+    mount_x_m: Annotated[float, Range(-10.0, 10.0)] = 0.0
+    """Where the sensor is, ahead of the robot's origin; -10 to 10."""
+    mount_y_m: Annotated[float, Range(-10.0, 10.0)] = 0.0
+    """The same to its left; -10 to 10."""
+    mount_yaw_rad: Annotated[float, Range(-FULL_CIRCLE_RAD, FULL_CIRCLE_RAD)] = 0.0
+    """How far it is turned to the left; -6.28319 to 6.28319."""
 
     def __post_init__(self) -> None:
-        _require(1 <= self.num_beams <= 2048, f"lidar.num_beams is {self.num_beams}; give 1 to 2048")
-        _finite(self, "fov_rad", "max_range_m", "noise_std_m", "mount_x_m", "mount_y_m", "mount_yaw_rad")
-        _require(
-            0.0 < self.fov_rad <= 2.0 * math.pi + 1e-9, f"lidar.fov_rad is {self.fov_rad}; give (0, 2 pi]"
-        )
-        _require(self.max_range_m > 0.0, f"lidar.max_range_m is {self.max_range_m}; give a positive range")
-        _require(self.noise_std_m >= 0.0, f"lidar.noise_std_m is {self.noise_std_m}; give 0 or more")
-        _require(
-            0.0 <= self.dropout_probability < 1.0,
-            f"lidar.dropout_probability is {self.dropout_probability}; give [0, 1)",
-        )
+        check_ranges(self, "lidar.")
 
     @property
     def angle_increment_rad(self) -> float:
@@ -102,23 +93,31 @@ class RobotConfig(_HasNative):
     """A differential-drive robot with a LiDAR. Give radius_m (a disc) or footprint_m (a convex polygon)."""
 
     name: str = "diffbot"
-    radius_m: float | None = 0.2
-    """Radius of a disc footprint, or None when footprint_m is given."""
+    radius_m: Annotated[float, Range(0.01, 10.0)] | None = 0.2
+    """Radius of a disc footprint, 0.01 to 10, or None when footprint_m is given."""
     footprint_m: tuple[tuple[float, float], ...] | None = None
-    """Corners (x, y) of a convex polygon footprint, counter-clockwise, in the robot's frame."""
-    max_speed_mps: float = 0.6
-    min_speed_mps: float = 0.0
-    """Most negative forward speed: 0 drives forward only, below 0 both ways."""
-    max_yaw_rate_radps: float = 1.5
-    max_acceleration_mps2: float = 2.0
-    max_yaw_acceleration_radps2: float = 6.0
-    lag_s: float = 0.05
-    """Time constant of the first-order lag between commanded and executed twist; 0 for none."""
-    latency_s: float = 0.0
-    """Age of a command when the base starts to act on it."""
-    odometry_drift: float = 0.0
-    """Standard deviation of the relative error of the wheel odometry, drawn once an episode for v and w."""
-    control_period_s: float = 0.1
+    """Corners (x, y) of a convex polygon footprint in the robot's frame, 3 to 16 of them, each coordinate -10 to 10.
+
+    They may be given either way round; they are kept counter-clockwise, without those on a straight edge.
+    """
+    max_speed_mps: Annotated[float, Range(0.01, 50.0)] = 0.6
+    """Greatest forward speed; 0.01 to 50."""
+    min_speed_mps: Annotated[float, Range(-50.0, 0.0)] = 0.0
+    """Most negative forward speed, -50 to 0: 0 drives forward only, below 0 both ways."""
+    max_yaw_rate_radps: Annotated[float, Range(0.01, 50.0)] = 1.5
+    """Greatest yaw rate either way; 0.01 to 50."""
+    max_acceleration_mps2: Annotated[float, Range(0.01, 1000.0)] = 2.0
+    """Greatest change of the speed, braking too; 0.01 to 1000."""
+    max_yaw_acceleration_radps2: Annotated[float, Range(0.01, 1000.0)] = 6.0
+    """The same of the yaw rate; 0.01 to 1000."""
+    lag_s: Annotated[float, Range(0.0, 10.0)] = 0.05
+    """Time constant of the first-order lag between commanded and executed twist, 0 to 10; 0 for none."""
+    latency_s: Annotated[float, Range(0.0, 10.0)] = 0.0
+    """Age of a command when the base starts to act on it, 0 to 10, and at most 15 control periods."""
+    odometry_drift: Annotated[float, Range(0.0, 1.0)] = 0.0
+    """Standard deviation of the relative error of the wheel odometry, drawn once an episode for v and w; 0 to 1."""
+    control_period_s: Annotated[float, Range(0.005, 2.0)] = 0.1
+    """Time from one scan and command to the next, 0.005 to 2: 1 / rate of the LiDAR, 0.05 for one of 20 Hz."""
     lidar: LidarConfig = field(default_factory=LidarConfig)
 
     def __post_init__(self) -> None:
@@ -126,52 +125,19 @@ class RobotConfig(_HasNative):
             (self.radius_m is None) != (self.footprint_m is None),
             f"robot {self.name!r}: give either radius_m or footprint_m, not both and not neither",
         )
-        _finite(
-            self,
-            "max_speed_mps",
-            "min_speed_mps",
-            "max_yaw_rate_radps",
-            "max_acceleration_mps2",
-            "max_yaw_acceleration_radps2",
-            "lag_s",
-            "latency_s",
-            "odometry_drift",
-            "control_period_s",
-        )
-        for name in (
-            "max_speed_mps",
-            "max_yaw_rate_radps",
-            "max_acceleration_mps2",
-            "max_yaw_acceleration_radps2",
-            "control_period_s",
-        ):
-            _require(
-                getattr(self, name) > 0.0,
-                f"robot {self.name!r}: {name} is {getattr(self, name)}; give a positive number",
-            )
-        for name in ("lag_s", "latency_s", "odometry_drift"):
-            _require(
-                getattr(self, name) >= 0.0,
-                f"robot {self.name!r}: {name} is {getattr(self, name)}; give 0 or more",
-            )
-        _require(
-            self.min_speed_mps <= 0.0,
-            f"robot {self.name!r}: min_speed_mps is {self.min_speed_mps}; give <= 0",
-        )
+        check_ranges(self, f"robot {self.name!r}: ")
         longest = (_core.MAX_LATENCY_PERIODS - 1) * self.control_period_s
         _require(
             self.latency_s <= longest,
             f"robot {self.name!r}: latency_s is {self.latency_s}; give at most {longest:.2g} s, "
             f"{_core.MAX_LATENCY_PERIODS - 1} control periods",
         )
-        if self.radius_m is not None:
-            _finite(self, "radius_m")
-            _require(
-                self.radius_m > 0.0,
-                f"robot {self.name!r}: radius_m is {self.radius_m}; give a positive radius",
-            )
-        else:
-            _check_convex_ccw(self.name, self.polygon)
+        if self.footprint_m is not None:
+            try:
+                corners = outline(self.polygon)
+            except ConfigError as error:
+                raise ConfigError(f"robot {self.name!r}: footprint_m {error}") from None
+            object.__setattr__(self, "footprint_m", tuple((float(x), float(y)) for x, y in corners))
 
     @property
     def polygon(self) -> Array:
@@ -202,18 +168,60 @@ class RobotConfig(_HasNative):
         )
 
 
-def _check_convex_ccw(name: str, corners: Array) -> None:
+def outline(corners: Array) -> Array:
+    """(V, 2) corners of a convex polygon, either way round -> (W, 2) the same counter-clockwise, as few as it has.
+
+    Raises ConfigError, whose text goes on from what the polygon is called.
+    """
+    _require(bool((np.abs(corners) <= MOST_M).all()), f"has a corner beyond {-MOST_M:g} to {MOST_M:g} m")
+    corners = corners[(corners != np.roll(corners, 1, axis=0)).any(axis=1)]
+    if len(corners) >= 3:
+        lengths = np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1)
+        straight = np.abs(_turns(corners)) <= 1e-9 * lengths * np.roll(lengths, -1)
+        corners = corners[~np.roll(straight, 1)]
     _require(
-        len(corners) >= 3 and bool(np.isfinite(corners).all()),
-        f"robot {name!r}: footprint_m needs three or more finite corners",
+        3 <= len(corners) <= _core.MAX_CORNERS,
+        f"has {len(corners)} corners, those on a straight edge left out; give 3 to {_core.MAX_CORNERS}",
     )
+    x, y = corners.T
+    if float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) < 0.0:
+        corners = np.ascontiguousarray(corners[::-1])
+    dents = np.roll(corners, -1, axis=0)[_turns(corners) < 0.0]
+    _require(
+        len(dents) == 0,
+        f"is not convex: it bends inwards at {', '.join(f'({x:g}, {y:g})' for x, y in dents)}; leave such corners out, "
+        "which makes it larger",
+    )
+    _require(
+        _winds_once(corners), "crosses itself; give its corners in the order in which they follow each other"
+    )
+    return corners
+
+
+def _turns(corners: Array) -> Array:
+    """(V, 2) corners -> (V,) cross products of the edges that meet at the following corner: above 0 to the left."""
     # Not np.roll: a world of boxes is checked in half the time.
     edges = np.concatenate([corners[1:], corners[:1]]) - corners
     following = np.concatenate([edges[1:], edges[:1]])
-    turns = edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+    return edges[:, 0] * following[:, 1] - edges[:, 1] * following[:, 0]
+
+
+def _winds_once(corners: Array) -> bool:
+    """Whether the edges turn by one full circle in all, and not by more."""
+    edges = np.roll(corners, -1, axis=0) - corners
+    headings = np.arctan2(edges[:, 1], edges[:, 0])
+    turned = np.remainder(np.roll(headings, -1) - headings, 2.0 * math.pi).sum()
+    return abs(turned - 2.0 * math.pi) < 1e-6
+
+
+def _check_convex_ccw(name: str, corners: Array) -> None:
     _require(
-        bool((turns > 0.0).all()),
-        f"robot {name!r}: footprint_m is not a convex polygon with its corners counter-clockwise",
+        len(corners) >= 3 and bool(np.isfinite(corners).all()),
+        f"{name} needs three or more finite corners",
+    )
+    _require(
+        bool((_turns(corners) > 0.0).all()),
+        f"{name} is not convex with its corners counter-clockwise",
     )
 
 

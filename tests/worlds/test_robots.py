@@ -104,7 +104,13 @@ def test_what_a_file_leaves_out_keeps_its_default(tmp_path: Path) -> None:
         ("max_sped_mps = 1.0", "'max_speed_mps'"),
         ("[lidar]\nbeams = 90", "'lidar.beams'"),
         ("[lidar]\nnum_beam = 90", "did you mean 'num_beams'"),
-        ("[lidar]\nnum_beams = 0", "num_beams"),
+        ("[lidar]\nnum_beams = 0", "lidar.num_beams is 0; give 1 to 2048, a whole number"),
+        ("[lidar]\nmax_range_m = 1e9", "lidar.max_range_m is 1000000000.0; give 0.05 to 1000"),
+        ("control_period_s = 1e-9", "control_period_s is 1e-09; give 0.005 to 2"),
+        ("max_speed_mps = 1" + "0" * 5000, "max_speed_mps is inf; give 0.01 to 50"),
+        ("min_speed_mps = -1" + "0" * 5000, "min_speed_mps is -inf; give -50 to 0"),
+        ("[lidar]\nnum_beams = 1" + "0" * 5000, "lidar.num_beams is inf; give 1 to 2048"),
+        ("x = [" + "0, " * 30_000 + "]", "larger than 0.0625 MiB"),
         ("[lidar]\nnum_beams = 90.5", "whole number"),
         ("[lidar]\nmax_range_m = nan", "lidar.max_range_m"),
         ("lidar = 3", "[lidar]"),
@@ -117,7 +123,14 @@ def test_what_a_file_leaves_out_keeps_its_default(tmp_path: Path) -> None:
         ("name = 3", "name"),
         ("radius_m = 'wide'", "radius_m"),
         ("radius_m = 0.2\nfootprint_m = [[1, 0], [0, 1], [-1, 0]]", "not both"),
-        ("footprint_m = [[0, 0], [0, 1], [1, 0]]", "counter-clockwise"),
+        (
+            "footprint_m = [[0, 0], [1, 0], [1, 1], [0.4, 0.5], [0, 1]]",
+            "not convex: it bends inwards at (0.4, 0.5)",
+        ),
+        ("footprint_m = [[0, 0], [1, 0], [2, 0]]", "give 3 to 16"),
+        ("footprint_m = [[0, 0], [1, 0], [0, 200]]", "beyond -10 to 10 m"),
+        ("footprint_m = [[1, 0], [-0.8, 0.6], [0.3, -0.95], [0.3, 0.95], [-0.8, -0.6]]", "crosses itself"),
+        (f"footprint_m = {[[math.cos(k * 0.37), math.sin(k * 0.37)] for k in range(17)]}", "has 17 corners"),
         ("footprint_m = [[0, 0], [1]]", "corners"),
         ("footprint_m = 4", "corners"),
         ("footprint_m = [[0, nan], [1, 0], [0, 1]]", "footprint_m"),
@@ -140,8 +153,31 @@ def test_a_missing_or_binary_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError, match="cannot be read"):
         load_robot(tmp_path / "binary.toml")
-    with pytest.raises(ConfigError, match="cannot be read"):
-        load_robot(tmp_path)
+    for path in (tmp_path, Path("/dev/zero")):
+        with pytest.raises(ConfigError, match="no ordinary file"):
+            load_robot(path)
+
+
+@given(
+    angles=st.lists(st.integers(0, 59), min_size=3, max_size=16, unique=True),
+    first=st.integers(0, 15),
+    clockwise=st.booleans(),
+    doubled=st.booleans(),
+    between=st.floats(0.1, 0.9),
+)
+def test_corners_either_way_round_from_any_of_them_are_one_footprint(
+    angles: list[int], first: int, clockwise: bool, doubled: bool, between: float
+) -> None:
+    corners = [(math.cos(a * math.pi / 30), math.sin(a * math.pi / 30)) for a in sorted(angles)]
+    given = corners[first % len(corners) :] + corners[: first % len(corners)]
+    given = given[::-1] if clockwise else given
+    if doubled:  # a closed ring, and a corner on a straight edge
+        middle = tuple(between * a + (1.0 - between) * b for a, b in zip(given[0], given[-1], strict=True))
+        given = [*given, middle, given[0]]
+    kept = RobotConfig(radius_m=None, footprint_m=given).footprint_m  # pyright: ignore
+    assert kept is not None
+    turn = corners.index(kept[0])
+    assert list(kept) == corners[turn:] + corners[:turn]
 
 
 def test_an_unknown_name_suggests_the_nearest() -> None:

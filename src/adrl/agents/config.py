@@ -2,20 +2,15 @@
 
 import math
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from adrl.errors import ConfigError
 from adrl.imitation.schedule import ScheduleConfig
+from adrl.ranges import Range, check_ranges
 from adrl.rewards import RewardConfig
 from adrl.types import Form, require_forms
 
-
-def _check(owner: object, low: float, high: float, *names: str) -> None:
-    for name in names:
-        value = getattr(owner, name)
-        if not (math.isfinite(value) and low <= value <= high):
-            top = "or more" if high == math.inf else f"to {high:g}"
-            raise ConfigError(f"{type(owner).__name__}.{name} is {value}; give {low:g} {top}")
+MAX_WIDTH = 8192
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,35 +18,36 @@ class Td3Config:
     """Twin delayed deep deterministic policy gradient, with the cloning term of eq 6."""
 
     widths: tuple[int, ...] = (128, 128)
-    """Hidden units of each layer, of the actor and of each critic."""
+    """Hidden units of each layer, of the actor and of each critic; 1 to 8192."""
     critic_layer_norm: bool = True
     """Normalise each hidden layer of the critics: keeps values bounded at actions nobody took."""
-    gamma: float = 0.98
-    """Discount a reference period (adrl.rewards): 0.1 s, longer for slow robots. A run takes the power of it
-    that its robot's control period calls for."""
-    n_step: int = 3
-    """Steps of reward before the target bootstraps."""
-    batch_size: int = 256
-    """Rows of a critic update, expert and online together."""
-    bc_batch_size: int = 128
-    """Demonstration rows of the cloning term of an actor update."""
-    actor_learning_rate: float = 1e-3
-    """Step size of Adam for the actor."""
-    critic_learning_rate: float = 1e-3
-    """The same for the critics."""
-    polyak: float = 0.01
-    """Share of the new weights a target network takes over at each actor update; more in the first 1,600 of them."""
-    actor_average: float = 0.0025
-    """Share of the new actor that the averaged one takes over at each actor update. The average is what is
-    evaluated and saved: single actors of a run differ by many points of success, their average does not."""
-    policy_delay: int = 2
-    """Critic updates an actor update."""
-    target_noise_std: float = 0.2
-    """Standard deviation of the noise on the target's action."""
-    target_noise_clip: float = 0.5
-    """That noise is clipped to this absolute value."""
-    q_scale_floor: float = 0.1
-    """Least value of the mean |Q| that the cloning term is measured in (eq 6)."""
+    gamma: Annotated[float, Range(0.0, 1.0)] = 0.98
+    """Discount a reference period (adrl.rewards): 0.1 s, longer for slow robots. A run takes the power of it that its
+    robot's control period calls for; 0 to 1."""
+    n_step: Annotated[int, Range(1, 1000)] = 3
+    """Steps of reward before the target bootstraps; 1 to 1000."""
+    batch_size: Annotated[int, Range(1, 100000)] = 256
+    """Rows of a critic update, expert and online together; 1 to 100000."""
+    bc_batch_size: Annotated[int, Range(1, 100000)] = 128
+    """Demonstration rows of the cloning term of an actor update; 1 to 100000."""
+    actor_learning_rate: Annotated[float, Range(1e-12, 1.0)] = 1e-3
+    """Step size of Adam for the actor; 1e-12 to 1."""
+    critic_learning_rate: Annotated[float, Range(1e-12, 1.0)] = 1e-3
+    """The same for the critics; 1e-12 to 1."""
+    polyak: Annotated[float, Range(0.0, 1.0)] = 0.01
+    """Share of the new weights a target network takes over at each actor update; more in the first 1,600 of them; 0 to
+    1."""
+    actor_average: Annotated[float, Range(0.0, 1.0)] = 0.0025
+    """Share of the new actor that the averaged one takes over at each actor update. The average is what is evaluated
+    and saved: single actors of a run differ by many points of success, their average does not; 0 to 1."""
+    policy_delay: Annotated[int, Range(1, 1000)] = 2
+    """Critic updates an actor update; 1 to 1000."""
+    target_noise_std: Annotated[float, Range(0.0, 10.0)] = 0.2
+    """Standard deviation of the noise on the target's action; 0 to 10."""
+    target_noise_clip: Annotated[float, Range(0.0, 10.0)] = 0.5
+    """That noise is clipped to this absolute value; 0 to 10."""
+    q_scale_floor: Annotated[float, Range(1e-12, 1e6)] = 0.1
+    """Least value of the mean |Q| that the cloning term is measured in (eq 6); 1e-12 to 1e+06."""
     q_filter: bool = False
     """Clone only where the critic prefers the expert's action to the actor's ("selective", eq 6)."""
     eq6: Form = "corrected"
@@ -60,66 +56,59 @@ class Td3Config:
 
     def __post_init__(self) -> None:
         require_forms(self, "eq6")
-        if not self.widths or min(self.widths) < 1:
-            raise ConfigError(f"Td3Config.widths is {self.widths}; give one or more positive widths")
-        _check(self, 1, math.inf, "n_step", "batch_size", "bc_batch_size", "policy_delay")
-        _check(self, 0.0, 1.0, "gamma", "polyak", "actor_average")
-        _check(self, 0.0, math.inf, "target_noise_std", "target_noise_clip")
-        for name in ("actor_learning_rate", "critic_learning_rate", "q_scale_floor"):
-            _check(self, 1e-12, math.inf, name)
+        if not self.widths or not 1 <= min(self.widths) <= max(self.widths) <= MAX_WIDTH:
+            raise ConfigError(
+                f"Td3Config.widths is {self.widths}; give one or more widths, each 1 to {MAX_WIDTH}"
+            )
+        check_ranges(self, "Td3Config.")
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig:
     """A training run. Give steps or max_seconds: the budget that is spent first ends it."""
 
-    seed: int = 0
-    """Of tasks, noise, robots and weights; 0 or more."""
-    steps: int | None = None
-    """Environment steps over all rows; a run of so many steps resumes to the same bytes."""
-    max_seconds: float | None = None
-    """Wall clock of the whole run in s, a total: imports, demonstrations, probe and compilation are in it, and with
-    --resume what was spent before. Validation is not."""
-    updates_per_iteration: int = 4
-    """Gradient updates for each step of the vector environment; a multiple of policy_delay."""
-    replay_capacity: int = 500_000
-    """Transitions kept; about 0.4 kB each."""
-    start_steps: int = 2048
-    """Environment steps before the first online update."""
-    pretrain_updates: int = 100
-    """Updates on demonstrations alone before the first environment step; the actor only clones."""
-    critic_warmup_updates: int = 0
-    """Online updates during which the actor only clones: a cold critic would undo what was cloned."""
+    seed: Annotated[int, Range(0, 2**63 - 1)] = 0
+    """Of tasks, noise, robots and weights; 0 to 9.22337e+18."""
+    steps: Annotated[int, Range(1, math.inf)] | None = None
+    """Environment steps over all rows; a run of so many steps resumes to the same bytes; 1 or more."""
+    max_seconds: Annotated[float, Range(1e-09, math.inf)] | None = None
+    """Wall clock of the whole run in s, 1e-09 or more, a total: imports, demonstrations, probe and compilation are in
+    it, and with --resume what was spent before. Validation is not."""
+    updates_per_iteration: Annotated[int, Range(1, 10000)] = 4
+    """Gradient updates for each step of the vector environment; a multiple of policy_delay; 1 to 10000."""
+    replay_capacity: Annotated[int, Range(1, 10_000_000)] = 500_000
+    """Transitions kept; about 0.4 kB each; 1 to 1e+07."""
+    start_steps: Annotated[int, Range(0, math.inf)] = 2048
+    """Environment steps before the first online update; 0 or more."""
+    pretrain_updates: Annotated[int, Range(0, math.inf)] = 100
+    """Updates on demonstrations alone before the first environment step; the actor only clones; 0 or more."""
+    critic_warmup_updates: Annotated[int, Range(0, math.inf)] = 0
+    """Online updates during which the actor only clones: a cold critic would undo what was cloned; 0 or more."""
     exploration_std: tuple[float, float] = (0.05, 0.4)
     """Standard deviation of the action noise of the first and of the last robot; evenly spaced between."""
     dynamic_reward: bool = True
     """Weigh the reward by today's S (eqs 14-17); if not, by static_maturity."""
-    static_maturity: float = 0.5
-    """S of the reward weights where they are static."""
-    failure_share: float = 0.03
+    static_maturity: Annotated[float, Range(0.0, 1.0)] = 0.5
+    """S of the reward weights where they are static; 0 to 1."""
+    failure_share: Annotated[float, Range(0.0, 1.0)] = 0.03
     """Share of the online rows of a batch that come from the last ten steps before a failure. They would be rare: a
-    policy that nearly always arrives forgets how near is too near."""
+    policy that nearly always arrives forgets how near is too near; 0 to 1."""
     mirror: bool = True
     """Mirror half of the rows of every batch, left for right: what a symmetric robot learns in a world it also
     learns in the mirrored one. Robots whose body or LiDAR is not symmetric are never mirrored."""
-    log_interval_steps: int = 6400
-    """Environment steps between rows of metrics.jsonl."""
-    eval_interval_steps: int | None = None
-    """Environment steps between validations, or None for none. A run that ends before the first has one at its end."""
-    checkpoint_interval_steps: int | None = 200_000
-    """Environment steps between checkpoints, or None for one at the end only."""
+    log_interval_steps: Annotated[int, Range(1, math.inf)] = 6400
+    """Environment steps between rows of metrics.jsonl; 1 or more."""
+    eval_interval_steps: Annotated[int, Range(1, math.inf)] | None = None
+    """Environment steps between validations, 1 or more, or None for none. A run that ends before the first has one at
+    its end."""
+    checkpoint_interval_steps: Annotated[int, Range(1, math.inf)] | None = 200_000
+    """Environment steps between checkpoints, or None for one at the end only; 1 or more."""
     td3: Td3Config = field(default_factory=Td3Config)
     schedule: ScheduleConfig = field(default_factory=ScheduleConfig)
     reward: RewardConfig = field(default_factory=RewardConfig)
 
     def __post_init__(self) -> None:
-        for name in ("steps", "max_seconds", "eval_interval_steps", "checkpoint_interval_steps"):
-            if getattr(self, name) is not None:
-                _check(self, 1e-9 if name == "max_seconds" else 1, math.inf, name)
-        _check(self, 0, 2**63 - 1, "seed")
-        _check(self, 0, math.inf, "start_steps", "pretrain_updates", "critic_warmup_updates")
-        _check(self, 1, math.inf, "updates_per_iteration", "replay_capacity", "log_interval_steps")
-        _check(self, 0.0, 1.0, "static_maturity", "failure_share")
+        check_ranges(self, "TrainConfig.")
         if self.updates_per_iteration % self.td3.policy_delay:
             raise ConfigError(
                 f"TrainConfig.updates_per_iteration is {self.updates_per_iteration}; give a multiple of "

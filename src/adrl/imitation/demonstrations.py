@@ -1,14 +1,14 @@
 """Demonstrations of A*+DWA, recorded with noise so that getting back on course is seen too."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adrl.errors import ConfigError, DatasetError
+from adrl.ranges import Range, check_ranges
 from adrl.rewards import FEATURES, reward_terms
 from adrl.types import ACTION_SIZE
 
@@ -30,20 +30,15 @@ class NoiseConfig:
     (0.5, 0.5, 0.8 s), 72 % with these, where the demonstrator itself still arrives in 93 %.
     """
 
-    fraction: float = 0.5
-    """Share of the time that bursts take; 0 for none."""
-    std: float = 0.3
-    """Standard deviation of the offset, in units of the normalised action."""
-    burst_s: float = 1.6
-    """Mean length of a burst."""
+    fraction: Annotated[float, Range(0.0, 0.99)] = 0.5
+    """Share of the time that bursts take; 0 for none; 0 to 0.99."""
+    std: Annotated[float, Range(0.0, 10.0)] = 0.3
+    """Standard deviation of the offset, in units of the normalised action; 0 to 10."""
+    burst_s: Annotated[float, Range(0.001, 1000.0)] = 1.6
+    """Mean length of a burst; 0.001 to 1000."""
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.fraction < 1.0:
-            raise ConfigError(f"noise.fraction is {self.fraction}; give [0, 1)")
-        if not (math.isfinite(self.std) and self.std >= 0.0):
-            raise ConfigError(f"noise.std is {self.std}; give 0 or more")
-        if not (math.isfinite(self.burst_s) and self.burst_s > 0.0):
-            raise ConfigError(f"noise.burst_s is {self.burst_s}; give a positive time")
+        check_ranges(self, "noise.")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

@@ -5,9 +5,10 @@ In the corrected forms alpha and lambda follow S, not the raw Q, so that neither
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, NamedTuple, Self, get_args
+from typing import Annotated, Literal, NamedTuple, Self, get_args
 
 from adrl.errors import ConfigError, UnknownName
+from adrl.ranges import Range, check_ranges
 from adrl.types import Form, require_forms
 
 Driver = Literal["value", "return", "clock"]
@@ -34,34 +35,34 @@ class ScheduleConfig:
     driver: Driver = "value"
     """What S follows: the critic's value as in the paper, or, as controls, the discounted return of the training
     episodes against the same bounds, or the clock."""
-    clock_updates: float = 6000.0
-    """Updates after the warm-up until S = 1, for the driver clock."""
-    alpha_min: float = 0.05
-    """Share of expert rows in a batch that is never released."""
-    alpha_max: float = 0.5
-    """Share of expert rows at S = 0. Near 1 learning is offline: the critic never sees its mistakes."""
-    k_alpha: float = 40.0
-    """k_alpha of eq 3: how sharply alpha falls with S."""
-    b_alpha: float = 4.0
-    """b_alpha of eq 3: alpha is half released at S = b_alpha / k_alpha."""
-    lambda_max: float = 1.0
-    """lambda_max of eq 5: weight of cloning beside the normalised Q at S = 0."""
-    k_q: float = 10.0
-    """k_q of eq 5: lambda falls by exp(-k_q) from S = 0 to S = 1."""
-    warmup_updates: int = 0
-    """Updates during which S stays 0: the critic starts cold and its values mean nothing yet."""
-    smoothing_updates: float = 200.0
-    """Time constant of the exponential moving average over measured maturities."""
-    rise_updates: float = 2500.0
-    """Updates that S takes at the least from 0 to 1."""
-    fall_updates: float = 30000.0
-    """Updates that S takes at the least from 1 to 0. Far more than rise_updates: the ratchet."""
-    patience_updates: float | None = None
+    clock_updates: Annotated[float, Range(0.001, 1e9)] = 6000.0
+    """Updates after the warm-up until S = 1, for the driver clock; 0.001 to 1e+09."""
+    alpha_min: Annotated[float, Range(0.0, 1.0)] = 0.05
+    """Share of expert rows in a batch that is never released; 0 to 1."""
+    alpha_max: Annotated[float, Range(0.0, 1.0)] = 0.5
+    """Share of expert rows at S = 0. Near 1 learning is offline: the critic never sees its mistakes; 0 to 1."""
+    k_alpha: Annotated[float, Range(0.0, 1e6)] = 40.0
+    """k_alpha of eq 3: how sharply alpha falls with S; 0 to 1e+06."""
+    b_alpha: Annotated[float, Range(0.0, 1e6)] = 4.0
+    """b_alpha of eq 3: alpha is half released at S = b_alpha / k_alpha; 0 to 1e+06."""
+    lambda_max: Annotated[float, Range(0.0, 1e6)] = 1.0
+    """lambda_max of eq 5: weight of cloning beside the normalised Q at S = 0; 0 to 1e+06."""
+    k_q: Annotated[float, Range(0.0, 1e6)] = 10.0
+    """k_q of eq 5: lambda falls by exp(-k_q) from S = 0 to S = 1; 0 to 1e+06."""
+    warmup_updates: Annotated[int, Range(0, 1_000_000_000)] = 0
+    """Updates during which S stays 0: the critic starts cold and its values mean nothing yet; 0 to 1e+09."""
+    smoothing_updates: Annotated[float, Range(0.001, 1e9)] = 200.0
+    """Time constant of the exponential moving average over measured maturities; 0.001 to 1e+09."""
+    rise_updates: Annotated[float, Range(0.001, 1e9)] = 2500.0
+    """Updates that S takes at the least from 0 to 1; 0.001 to 1e+09."""
+    fall_updates: Annotated[float, Range(0.001, 1e9)] = 30000.0
+    """Updates that S takes at the least from 1 to 0. Far more than rise_updates: the ratchet; 0.001 to 1e+09."""
+    patience_updates: Annotated[float, Range(0.001, 1e9)] | None = None
     """Time constant with which Q_max comes down from the expert's return towards where the critic is, if that is lower:
-    an expert that knows the map earns what a policy without one never will. None: 4000, and 1e9, which is never, where
-    guidance map shows the policy the way."""
-    interval_updates: int = 100
-    """Updates between two measurements."""
+    an expert that knows the map earns what a policy without one never will. None: 4000, and 1e9, which is never,
+    where guidance map shows the policy the way; 0.001 to 1e+09."""
+    interval_updates: Annotated[int, Range(1, 1_000_000_000)] = 100
+    """Updates between two measurements; 1 to 1e+09."""
     eq2: Form = "corrected"
     """The statistic of the critic. Literal: mean Q over the mixed batch, which depends on alpha itself."""
     eq3: Form = "corrected"
@@ -77,26 +78,11 @@ class ScheduleConfig:
             raise ConfigError(
                 f"schedule.driver is {self.driver!r}; give one of {', '.join(get_args(Driver))}"
             )
-        for name in set(self.__dataclass_fields__) - {"driver", *EQUATIONS}:
-            value = getattr(self, name)
-            if value is not None and not (math.isfinite(value) and value >= 0.0):
-                raise ConfigError(f"schedule.{name} is {value}; give 0 or more")
-        if not self.alpha_min <= self.alpha_max <= 1.0:
+        check_ranges(self, "schedule.")
+        if self.alpha_min > self.alpha_max:
             raise ConfigError(
                 f"schedule: alpha_min {self.alpha_min}, alpha_max {self.alpha_max}; give 0 <= min <= max <= 1"
             )
-        for name in (
-            "smoothing_updates",
-            "rise_updates",
-            "fall_updates",
-            "patience_updates",
-            "interval_updates",
-            "clock_updates",
-        ):
-            if getattr(self, name) == 0:
-                raise ConfigError(
-                    f"schedule.{name} is {getattr(self, name)}; give a positive number of updates"
-                )
 
     @property
     def imitates(self) -> bool:

@@ -1,6 +1,5 @@
 """How a scan and the rest become an observation. Stored with every policy."""
 
-import math
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
@@ -8,22 +7,23 @@ import tyro
 
 from adrl.errors import ConfigError
 from adrl.observation.component import ComponentFactory
-
-MAX_HISTORY_STEPS = 50
+from adrl.ranges import Range, check_ranges
 
 
 @dataclass(frozen=True, kw_only=True)
 class EncoderConfig:
     """How a scan becomes features. Stored with every policy."""
 
-    num_sectors: int = 36
-    """Sectors of a full circle; each holds the nearest range of its beams."""
-    near_m: float = 0.3
-    """Range in m at which the logarithmic scale turns: gaps of this size and below get most of the resolution."""
-    goal_scale_m: float = 1.0
-    """Same for the distance to the goal, m."""
-    history_steps: int = 0
-    """Control periods between the two scans whose comparison adds num_sectors motion cues (see motion); 0 for none."""
+    num_sectors: Annotated[int, Range(4, 2048)] = 36
+    """Sectors of a full circle, 4 to 2048; each holds the nearest range of its beams."""
+    near_m: Annotated[float, Range(0.001, 100.0)] = 0.3
+    """Range in m at which the logarithmic scale turns, 0.001 to 100: gaps of this size and below get most of the
+    resolution."""
+    goal_scale_m: Annotated[float, Range(0.001, 1000.0)] = 1.0
+    """Same for the distance to the goal, m; 0.001 to 1000."""
+    history_steps: Annotated[int, Range(0, 50)] = 0
+    """Control periods between the two scans whose comparison adds num_sectors motion cues (see motion), 0 to 50; 0 for
+    none."""
     extra_components: tuple[Annotated[str | ComponentFactory, tyro.conf.arg(constructor=str)], ...] = ()
     """Components after the built-in ones: factories, or names of the entry point group
     "adrl.observation_components"."""
@@ -35,16 +35,7 @@ class EncoderConfig:
                 raise ConfigError(
                     f"encoder.extra_components holds {component!r}; give names, or factories with a name"
                 )
-        if not 4 <= self.num_sectors <= 2048:
-            raise ConfigError(f"encoder.num_sectors is {self.num_sectors}; give 4 to 2048")
-        for name in ("near_m", "goal_scale_m"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ConfigError(f"encoder.{name} is {value}; give a positive number")
-        if not 0 <= self.history_steps <= MAX_HISTORY_STEPS:
-            raise ConfigError(
-                f"encoder.history_steps is {self.history_steps}; give 0 to {MAX_HISTORY_STEPS} control periods"
-            )
+        check_ranges(self, "encoder.")
 
     def fields(self) -> dict[str, Any]:
         """As JSON takes it: components by their names, no entry where there are none, as in policies of before."""

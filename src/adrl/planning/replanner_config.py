@@ -1,25 +1,15 @@
 """Constants of the replanner, section III-C of the paper."""
 
-import math
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Annotated, Self
 
 from adrl import _core
 from adrl.errors import ConfigError
+from adrl.ranges import Range, check_ranges
 from adrl.types import Form, RobotConfig, require_forms
 
 EQUATIONS = ("eq18", "eq20", "eq21")
 """The equations that have two forms."""
-_ZERO_ALLOWED = (
-    "environment_gain",
-    "maturity_gain",
-    "k_obstacle",
-    "k_proximity",
-    "k_turn",
-    "density_weight",
-    "turn_cost_m",
-    "foresight_m",
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,78 +22,72 @@ class ReplannerConfig:
     """Maturity S. corrected: thresholds shrink with it, fewer interventions, as the text says; literal: they grow."""
     eq21: Form = "corrected"
     """Choice of the waypoint, eqs 21 and 23. literal: the density D and its sum over cells as printed."""
-    window_s: float = 2.0
-    """n steps of eq 18 as a time in s."""
-    displacement_fraction: float = 0.25
-    """d_m0 of eq 19 as a fraction of the longest way the robot can go in the window."""
-    speed_fraction: float = 0.5
-    """v_min as a fraction of the greatest speed."""
-    obstacle_change_m: float = 0.3
-    """delta: change in m of the nearest obstacle's distance below which the surroundings count as unchanged."""
-    environment_gain: float = 0.5
-    """alpha of eq 19: thresholds grow by this share at contact with an obstacle."""
-    maturity_gain: float = 0.2
-    """beta of eq 20."""
-    safe_clearance_m: float = 0.3
-    """Clearance in m below which an obstacle is a threat: T_obs rises from 0 here to 1 at contact."""
-    conflict_m: float = 2.0
-    """A slow robot that drives straight at the goal triggers only with a known obstacle this near on its way, m."""
-    foresight_m: float = 8.0
-    """A robot that heads for the goal plans at once when it knows of an obstacle this near on the straight way, m.
+    window_s: Annotated[float, Range(0.01, 60.0)] = 2.0
+    """n steps of eq 18 as a time in s; 0.01 to 60."""
+    displacement_fraction: Annotated[float, Range(0.001, 10.0)] = 0.25
+    """d_m0 of eq 19 as a fraction of the longest way the robot can go in the window; 0.001 to 10."""
+    speed_fraction: Annotated[float, Range(0.001, 10.0)] = 0.5
+    """v_min as a fraction of the greatest speed; 0.001 to 10."""
+    obstacle_change_m: Annotated[float, Range(0.001, 100.0)] = 0.3
+    """delta: change in m of the nearest obstacle's distance below which the surroundings count as unchanged; 0.001 to
+    100."""
+    environment_gain: Annotated[float, Range(0.0, 100.0)] = 0.5
+    """alpha of eq 19: thresholds grow by this share at contact with an obstacle; 0 to 100."""
+    maturity_gain: Annotated[float, Range(0.0, 100.0)] = 0.2
+    """beta of eq 20; 0 to 100."""
+    safe_clearance_m: Annotated[float, Range(0.001, 100.0)] = 0.3
+    """Clearance in m below which an obstacle is a threat: T_obs rises from 0 here to 1 at contact; 0.001 to 100."""
+    conflict_m: Annotated[float, Range(0.001, 1000.0)] = 2.0
+    """A slow robot that drives straight at the goal triggers only with a known obstacle this near on its way, m;
+    0.001 to 1000."""
+    foresight_m: Annotated[float, Range(0.0, 1000.0)] = 8.0
+    """A robot that heads for the goal plans at once when it knows of an obstacle this near on the straight way, m; 0
+    to 1000.
 
     0: only when it is stagnant, which is eq 18 alone; so does the literal form.
     """
-    replan_interval_s: float = 1.0
-    """A robot on a route plans anew after so many s, and sooner at its waypoint or when the way to that is blocked."""
-    arrival_m: float = 0.4
-    """Distance in m from the waypoint at which the next one is wanted."""
-    min_interval_m: float = 0.3
-    """Least distance of a waypoint along the route, m."""
-    lookahead_m: float = 1.5
-    """Greatest distance of a waypoint along the route, m."""
-    margin_m: float = 0.05
-    """Clearance in m that routes keep beyond the robot's radius."""
-    comfort_m: float = 0.3
-    """Clearance in m beyond that at which obstacles cease to cost: O of eq 21 falls from 1 to 0 over it."""
-    near_goal_m: float = 3.0
-    """Distance in m below which the goal counts as near: T_goal rises from 0 here to 1 at the goal."""
-    k_obstacle: float = 0.6
-    """k_1 of eq 21: share of the obstacle density; the three are divided by their sum."""
-    k_proximity: float = 0.1
-    """k_2 of eq 21: share of the distance to the goal."""
-    k_turn: float = 0.3
-    """k_3 of eq 21: share of the curvature."""
-    density_weight: float = 0.3
-    """Metres that a metre at density 1 costs more: Cost_obs of eq 22 is this times the integral of the density."""
-    turn_cost_m: float = 0.1
-    """lambda of eq 22: m that a radian of turning costs. Counts with `headings`."""
+    replan_interval_s: Annotated[float, Range(0.001, 3600.0)] = 1.0
+    """A robot on a route plans anew after so many s, and sooner at its waypoint or when the way to that is blocked;
+    0.001 to 3600."""
+    arrival_m: Annotated[float, Range(0.001, 100.0)] = 0.4
+    """Distance in m from the waypoint at which the next one is wanted; 0.001 to 100."""
+    min_interval_m: Annotated[float, Range(0.001, 1000.0)] = 0.3
+    """Least distance of a waypoint along the route, m; 0.001 to 1000."""
+    lookahead_m: Annotated[float, Range(0.001, 1000.0)] = 1.5
+    """Greatest distance of a waypoint along the route, m; 0.001 to 1000."""
+    margin_m: Annotated[float, Range(0.001, 10.0)] = 0.05
+    """Clearance in m that routes keep beyond the robot's radius; 0.001 to 10."""
+    comfort_m: Annotated[float, Range(0.001, 10.0)] = 0.3
+    """Clearance in m beyond that at which obstacles cease to cost: O of eq 21 falls from 1 to 0 over it; 0.001 to
+    10."""
+    near_goal_m: Annotated[float, Range(0.001, 1000.0)] = 3.0
+    """Distance in m below which the goal counts as near: T_goal rises from 0 here to 1 at the goal; 0.001 to 1000."""
+    k_obstacle: Annotated[float, Range(0.0, 1000.0)] = 0.6
+    """k_1 of eq 21: share of the obstacle density; the three are divided by their sum; 0 to 1000."""
+    k_proximity: Annotated[float, Range(0.0, 1000.0)] = 0.1
+    """k_2 of eq 21: share of the distance to the goal; 0 to 1000."""
+    k_turn: Annotated[float, Range(0.0, 1000.0)] = 0.3
+    """k_3 of eq 21: share of the curvature; 0 to 1000."""
+    density_weight: Annotated[float, Range(0.0, _core.MAX_DENSITY_WEIGHT)] = 0.3
+    """Metres that a metre at density 1 costs more: Cost_obs of eq 22 is this times the integral of the density; 0 to
+    100."""
+    turn_cost_m: Annotated[float, Range(0.0, _core.MAX_TURN_COST_M)] = 0.1
+    """lambda of eq 22: m that a radian of turning costs. Counts with `headings`; 0 to 10."""
     headings: bool = False
     """Search over cells and headings: turning is part of the route's cost, as eq 22 has it. About twice as slow."""
-    cells: int = 400
-    """Cells on a side of the window that is mapped about the robot."""
-    resolution_m: float = 0.05
-    """Side of a cell in m. Gaps down to the robot's width, twice the margin and two cells can be planned through."""
-    range_m: float = 8.0
-    """Hits farther away, m, are not mapped."""
-    forget_s: float = 1.0
-    """Time in s of being seen through after which a mapped obstacle is forgotten."""
+    cells: Annotated[int, Range(40, 2048)] = 400
+    """Cells on a side of the window that is mapped about the robot; 40 to 2048."""
+    resolution_m: Annotated[float, Range(0.005, 1.0)] = 0.05
+    """Side of a cell in m. Gaps down to the robot's width, twice the margin and two cells can be planned through;
+    0.005 to 1."""
+    range_m: Annotated[float, Range(0.1, 1000.0)] = 8.0
+    """Hits farther away, m, are not mapped; 0.1 to 1000."""
+    forget_s: Annotated[float, Range(0.001, 3600.0)] = 1.0
+    """Time in s of being seen through after which a mapped obstacle is forgotten; 0.001 to 3600."""
 
     def __post_init__(self) -> None:
         require_forms(self, *EQUATIONS)
-        for name in set(self.__dataclass_fields__) - {"headings", *EQUATIONS}:
-            value = getattr(self, name)
-            low = 0.0 if name in _ZERO_ALLOWED else math.ulp(0.0)
-            if not (math.isfinite(value) and value >= low):
-                wanted = "0 or more" if name in _ZERO_ALLOWED else "a positive number"
-                raise ConfigError(f"replanner.{name} is {value}; give {wanted}")
-        for name, most in (
-            ("density_weight", _core.MAX_DENSITY_WEIGHT),
-            ("turn_cost_m", _core.MAX_TURN_COST_M),
-        ):
-            if getattr(self, name) > most:
-                raise ConfigError(f"replanner.{name} is {getattr(self, name)}; give 0 to {most:g}")
-        if not 40 <= self.cells <= 4096:
-            raise ConfigError(f"replanner.cells is {self.cells}; give 40 to 4096")
+        check_ranges(self, "replanner.")
         if self.k_obstacle + self.k_proximity + self.k_turn <= 0.0:
             raise ConfigError(
                 "replanner.k_obstacle, k_proximity and k_turn are all 0; give one a positive number"

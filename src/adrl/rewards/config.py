@@ -1,7 +1,6 @@
 """Constants of the reward. Terms keep the paper's numbers; `scale` brings their sum near 1."""
 
 import functools
-import math
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,6 +9,7 @@ from typing import Annotated, Any, Self
 import tyro
 
 from adrl.errors import ConfigError
+from adrl.ranges import Range, check_ranges
 from adrl.registry import look_up
 from adrl.rewards.extra import RewardTerm
 from adrl.rewards.features import FEATURES, Feature
@@ -32,22 +32,22 @@ class RewardConfig:
     for ever; a crash costs failure_weight * 200. A longer horizon needs a larger failure_weight: 2 for gamma = 0.99.
     """
 
-    success_reward: float = 200.0
-    """r_su of eq 7, paid once on arrival."""
-    failure_penalty: float = 200.0
-    """-r_f of eq 8, paid once on collision."""
-    safe_clearance_m: float = 0.1
-    """d_safe - d_r of eq 11: clearance of the footprint's edge, in m, below which an obstacle costs."""
-    stagnation_fraction: float = 0.15
-    """d_m of eq 12 as a fraction of max_speed * dt, the longest step a robot can make."""
-    near_goal_m: float = 3.0
-    """Distance in m below which the goal counts as near: T_goal rises from 0 here to 1 at the goal."""
-    success_weight: float = 1.0
-    """Weight of the success row; fixed, while the four shaping rows always sum to 1."""
-    failure_weight: float = 1.0
-    """Weight of the failure row; fixed."""
-    scale: float = 0.02
-    """Factor on the weighted sum (eq 17), so that values stay within a few units."""
+    success_reward: Annotated[float, Range(1e-06, 1e6)] = 200.0
+    """r_su of eq 7, paid once on arrival; 1e-06 to 1e+06."""
+    failure_penalty: Annotated[float, Range(1e-06, 1e6)] = 200.0
+    """-r_f of eq 8, paid once on collision; 1e-06 to 1e+06."""
+    safe_clearance_m: Annotated[float, Range(0.001, 100.0)] = 0.1
+    """d_safe - d_r of eq 11: clearance of the footprint's edge, in m, below which an obstacle costs; 0.001 to 100."""
+    stagnation_fraction: Annotated[float, Range(0.001, 0.999)] = 0.15
+    """d_m of eq 12 as a fraction of max_speed * dt, the longest step a robot can make; 0.001 to 0.999."""
+    near_goal_m: Annotated[float, Range(0.001, 1000.0)] = 3.0
+    """Distance in m below which the goal counts as near: T_goal rises from 0 here to 1 at the goal; 0.001 to 1000."""
+    success_weight: Annotated[float, Range(1e-06, 1e6)] = 1.0
+    """Weight of the success row; fixed, while the four shaping rows always sum to 1; 1e-06 to 1e+06."""
+    failure_weight: Annotated[float, Range(1e-06, 1e6)] = 1.0
+    """Weight of the failure row; fixed; 1e-06 to 1e+06."""
+    scale: Annotated[float, Range(1e-06, 1e6)] = 0.02
+    """Factor on the weighted sum (eq 17), so that values stay within a few units; 1e-06 to 1e+06."""
     extra_terms: tuple[Annotated[str | RewardTerm, tyro.conf.arg(constructor=str)], ...] = ()
     """Shaping terms beside the paper's: RewardTerm objects, or names of the entry point group "adrl.reward_terms"."""
     eq8: Form = "corrected"
@@ -75,12 +75,7 @@ class RewardConfig:
             if count > 1 or name in ("success", "failure"):
                 fault = "is there twice" if count > 1 else "has a fixed weight"
                 raise ConfigError(f"reward.extra_terms: {name!r} {fault}; give another name")
-        for name in set(self.__dataclass_fields__) - {"extra_terms", *EQUATIONS}:
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ConfigError(f"reward.{name} is {value}; give a positive number")
-        if self.stagnation_fraction >= 1.0:
-            raise ConfigError(f"reward.stagnation_fraction is {self.stagnation_fraction}; give less than 1")
+        check_ranges(self, "reward.")
 
     def literal(self) -> Self:
         """The same constants with every equation as printed."""

@@ -4,19 +4,25 @@ import dataclasses
 import json
 import math
 import os
+import re
 import tomllib
 from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from adrl.errors import ConfigError
+from adrl.errors import ConfigError, FileError
+from adrl.files import read_text
 from adrl.registry import look_up
 from adrl.types import LidarConfig, RobotConfig
 
 # TurtleBot3: speeds and the LDS-01 (360 beams, 3.5 m) from ROBOTIS' specification, accelerations and the
 # period from the turtlebot3_navigation DWA parameters, sensor mounts and noise from turtlebot3_description.
 _LDS_01 = LidarConfig(num_beams=360, max_range_m=3.5, noise_std_m=0.01, mount_x_m=-0.032)
+
+MAX_BYTES = 2**16
+BEYOND_FLOAT = re.compile(r"(?<![\w.])[+]?\d[\d_]{308,}(?![\w.])")
+"""A number that no float holds."""
 
 ROBOTS: dict[str, RobotConfig] = {
     "diffbot": RobotConfig(),
@@ -90,13 +96,15 @@ def load_robot(robot: str | os.PathLike[str] | RobotConfig) -> RobotConfig:
 
 def _read_robot(path: Path) -> RobotConfig:
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        known = ", ".join(ROBOTS)
-        raise ConfigError(f"robot file {path} does not exist; give a TOML file or one of {known}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"robot file {path} cannot be read: {error}") from None
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        text = read_text(path, MAX_BYTES)
+    except FileError as error:
+        raise ConfigError(
+            f"robot file {path} {error}; give a TOML file or one of {', '.join(ROBOTS)}"
+        ) from None
+    try:
+        # Python reads no integer of more than 4300 digits, and does not say where it stands.
+        table = tomllib.loads(BEYOND_FLOAT.sub("inf", text))
+    except (ValueError, RecursionError) as error:
         raise ConfigError(f"robot file {path} is not valid TOML: {error}") from None
     try:
         return robot_from_fields({"name": path.stem} | table)
@@ -151,23 +159,16 @@ def _convert(key: str, value: Any) -> Any:
         return None
     if key == "footprint_m":
         return _corners(value)
-    if key == "lidar.num_beams":
-        if isinstance(value, bool) or not isinstance(value, int):
-            raise ConfigError(f"{key} is {value!r}; give a whole number")
-        return value
-    return _number(key, value)
+    return value if key == "lidar.num_beams" else _number(key, value)
 
 
 def _number(key: str, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ConfigError(f"{key} is {value!r}; give a number")
+        raise ConfigError(f"{key} is {str(value)[:40]!r}; give a number")
     try:
-        number = float(value)
+        return float(value)
     except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise ConfigError(f"{key} is {number}; give a finite number")
-    return number
+        return math.copysign(math.inf, value)
 
 
 def _corners(value: Any) -> tuple[tuple[float, float], ...]:

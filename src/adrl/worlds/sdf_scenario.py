@@ -10,7 +10,7 @@ from adrl.worlds.sdf import load_sdf
 
 
 class SdfScenario(FixedWorld):
-    """Start and goal inside what stands in the world. models and ignore are those of load_sdf, and so are the errors."""
+    """Start and goal inside what stands in the world. models, ignore and errors are those of load_sdf."""
 
     def __init__(
         self,
