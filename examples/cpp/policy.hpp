@@ -4,13 +4,14 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "drive/collision.hpp"
 #include "drive/kinematics.hpp"
-#include "world/motion_cue.hpp"
 #include "safetensors.hpp"
+#include "world/motion_cue.hpp"
 
 // A scan of the LiDAR the policy was trained with, and where odometry says the robot was.
 struct Look {
@@ -49,10 +50,15 @@ class Policy {
         return polygon;
     }
 
-    // Ranges of the trained beams in their order, clipped to their reach; NaN among them makes the action NaN.
-    // goal: in the robot's frame, metres; twist: measured; past: history_steps() control periods ago.
+    // Ranges of the trained beams in their order, clipped to their reach; goal: in the robot's frame, metres; twist:
+    // measured; past: history_steps() control periods ago. The action is NaN where anything is, or anything but a
+    // range is beyond kGreatest: stop the robot. Throws std::invalid_argument for another number of ranges.
     Action act(Look now, Look past, adrl::Vec2 goal, adrl::Twist twist, Action last) const {
-        const bool sound = clip(now.ranges) && (!cue_ || clip(past.ranges));
+        std::vector<double> told{goal.x, goal.y, twist.v, twist.w, last.speed, last.turn};
+        if (cue_) {
+            for (const adrl::Pose &pose : {now.pose, past.pose}) told.insert(told.end(), {pose.x, pose.y, pose.theta});
+        }
+        const bool sound = clip(now.ranges) && (!cue_ || clip(past.ranges)) && within(told, -kGreatest, kGreatest);
         if (!sound) return {std::nanf(""), std::nanf("")};
         std::vector<float> x = sectors(now.ranges);
         const double distance = adrl::norm(goal), safe = std::max(distance, 1e-9);
@@ -67,7 +73,7 @@ class Policy {
             cue_->compute(now.ranges.data(), now.pose, past.ranges.data(), past.pose, x.data() + known);
         }
         for (std::size_t k = 0; k < layers_.size(); ++k) x = layers_[k].apply(x, k + 1 < layers_.size());
-        return {std::tanh(x.at(0)), std::tanh(x.at(1))};
+        return {std::tanh(x[0]), std::tanh(x[1])};
     }
 
     adrl::Twist velocity(Action action) const {
@@ -90,34 +96,83 @@ class Policy {
         }
     };
 
+    static constexpr double kGreatest = 1e6; // metres, m/s: a number beyond is a fault, as NaN is
+    static constexpr double kLeast = 1e-6;   // of what is divided by
+    static constexpr double kMostBeams = 100000, kMostSteps = 10000;
+
     explicit Policy(const Safetensors &file)
         : beams_(file.read<std::int32_t>("encoder.beams")), extent_(file.read<float>("encoder.extent")),
           scales_(file.read<float>("encoder.scales")), limits_(file.read<double>("limits")),
           lidar_(file.read<double>("lidar")), base_(file.read<double>("base")),
           footprint_(file.read<double>("footprint")) {
+        check(file);
         for (int i = 0; file.has("layers." + std::to_string(i) + ".weight"); ++i) {
             const std::string name = "layers." + std::to_string(i);
             layers_.push_back({file.read<float>(name + ".weight"), file.read<float>(name + ".bias")});
         }
         if (file.has("motion")) {
             motion_ = file.read<double>("motion");
+            if (motion_.size() != 3 || !whole(motion_[0], kMostSteps) || !within(motion_, 0.0, kGreatest) ||
+                motion_[2] < kLeast) {
+                file.fail("motion: three numbers, steps, margin and scale, are wanted");
+            }
             cue_.emplace(adrl::CueConfig{num_beams(), angle_min(), angle_increment(), mount(), max_range(),
-                                         static_cast<int>(extent_.size()), motion_.at(1), motion_.at(2)});
+                                         static_cast<int>(extent_.size()), motion_[1], motion_[2]});
         }
         std::size_t width = extent_.size() * (cue_ ? 2 : 1) + 8;
         for (const Layer &layer : layers_) {
-            if (layer.weight.size() != width * layer.bias.size()) throw std::runtime_error("layers do not fit");
+            if (layer.weight.size() != width * layer.bias.size()) file.fail("layers do not fit");
+            if (!within(layer.weight, -kGreatest, kGreatest) || !within(layer.bias, -kGreatest, kGreatest)) {
+                file.fail("layers hold what is no number");
+            }
             width = layer.bias.size();
         }
-        const bool outlined = footprint_.size() == 1 || (footprint_.size() >= 6 && footprint_.size() % 2 == 0);
-        if (width != 2 || limits_.size() != 3 || lidar_.size() != 7 || scales_.size() != 4 || base_.size() != 5 ||
-            !outlined) {
-            throw std::runtime_error("not a policy of adrl export --safetensors");
+        if (layers_.empty() || width != 2) file.fail("layers do not end in speed and yaw rate");
+    }
+
+    // Everything that is divided by, counted with or looked up: sizes and ranges.
+    void check(const Safetensors &file) const {
+        if (lidar_.size() != 7 || !whole(lidar_[0], kMostBeams) || !within(lidar_, -kGreatest, kGreatest) ||
+            lidar_[2] < kLeast || lidar_[6] < kLeast) {
+            file.fail("lidar: beams, angles, mount and a range above 0 are wanted");
         }
+        if (limits_.size() != 3 || !within(limits_, -kGreatest, kGreatest) || limits_[0] < kLeast ||
+            limits_[1] >= limits_[0] || limits_[2] < kLeast) {
+            file.fail("limits: greatest and least speed and greatest yaw rate are wanted");
+        }
+        if (base_.size() != 5 || !within(base_, 0.0, kGreatest) || base_[0] <= 0.0) {
+            file.fail("base: period, accelerations, lag and latency are wanted");
+        }
+        if (scales_.size() != 4 || !within(scales_, kLeast, kGreatest)) {
+            file.fail("encoder.scales: four numbers above 0 are wanted");
+        }
+        if (!within(extent_, 0.0, kGreatest) || extent_.size() > kMostBeams || beams_.size() % extent_.size() != 0 ||
+            !within(beams_, 0.0, lidar_[0])) {
+            file.fail("encoder: a distance and the numbers of its beams are wanted of each sector");
+        }
+        const bool outlined = footprint_.size() == 1 || (footprint_.size() >= 6 && footprint_.size() % 2 == 0);
+        if (!outlined || !within(footprint_, -kGreatest, kGreatest) ||
+            (footprint_.size() == 1 && footprint_[0] <= 0.0)) {
+            file.fail("footprint: a radius above 0 or three corners and more are wanted");
+        }
+    }
+
+    // NaN is within nothing.
+    template <class T>
+    static bool within(const std::vector<T> &values, double least, double greatest) {
+        return std::ranges::all_of(values, [&](T value) { return value >= least && value <= greatest; });
+    }
+
+    static bool whole(double value, double greatest) {
+        return value >= 1.0 && value <= greatest && value == std::floor(value);
     }
 
     // Whether all are numbers.
     bool clip(std::vector<float> &ranges) const {
+        if (ranges.size() != static_cast<std::size_t>(num_beams())) {
+            throw std::invalid_argument("a scan has " + std::to_string(ranges.size()) + " ranges, this policy takes " +
+                                        std::to_string(num_beams()));
+        }
         for (float &range : ranges) {
             if (std::isnan(range)) return false;
             range = std::clamp(range, 0.0F, scales_[0]);

@@ -2,13 +2,17 @@
 #pragma once
 
 #include <bit>
+#include <cctype>
+#include <charconv>
 #include <cstdint>
 #include <cstring>
+#include <filesystem>
 #include <fstream>
 #include <map>
-#include <sstream>
 #include <stdexcept>
 #include <string>
+#include <system_error>
+#include <type_traits>
 #include <vector>
 
 static_assert(std::endian::native == std::endian::little, "safetensors are little-endian");
@@ -17,15 +21,18 @@ class Safetensors {
   public:
     // Throws std::runtime_error, naming the file, for one that is missing or malformed.
     explicit Safetensors(const std::string &path) : path_(path) {
+        std::error_code none;
+        if (!std::filesystem::is_regular_file(path, none)) fail("no such file, or not an ordinary one");
+        const std::uintmax_t size = std::filesystem::file_size(path, none);
         std::ifstream file(path, std::ios::binary);
         std::uint64_t length = 0;
         file.read(reinterpret_cast<char *>(&length), sizeof length);
-        if (!file || length > (1U << 20)) fail("not a safetensors file");
+        if (!file || size > (1U << 30) || length > size - sizeof length) fail("not a safetensors file");
         std::string header(length, ' ');
         file.read(header.data(), static_cast<std::streamsize>(length));
-        std::ostringstream rest;
-        rest << file.rdbuf();
-        data_ = rest.str();
+        data_.resize(size - sizeof length - length);
+        file.read(data_.data(), static_cast<std::streamsize>(data_.size()));
+        if (!file) fail("cannot be read to its end");
         parse(header);
     }
 
@@ -39,12 +46,18 @@ class Safetensors {
             fail("tensor " + name + " is truncated or not " + dtype);
         }
         std::vector<T> values((e.end - e.begin) / sizeof(T));
+        std::size_t left = values.size();
+        for (const std::size_t n : e.shape) {
+            if (n == 0 || left % n != 0) fail("tensor " + name + " is empty or does not have its shape");
+            left /= n;
+        }
+        if (left != 1) fail("tensor " + name + " is empty or does not have its shape");
         std::memcpy(values.data(), data_.data() + e.begin, e.end - e.begin);
-        std::size_t wanted = 1;
-        for (const std::size_t n : e.shape) wanted *= n;
-        if (wanted != values.size()) fail("tensor " + name + " does not have its shape");
         return values;
     }
+
+    // Throws std::runtime_error that names the file.
+    [[noreturn]] void fail(const std::string &why) const { throw std::runtime_error(path_ + ": " + why); }
 
   private:
     struct Entry {
@@ -52,8 +65,6 @@ class Safetensors {
         std::vector<std::size_t> shape;
         std::size_t begin = 0, end = 0;
     };
-
-    [[noreturn]] void fail(const std::string &why) const { throw std::runtime_error(path_ + ": " + why); }
 
     const Entry &entry(const std::string &name) const {
         const auto found = entries_.find(name);
@@ -81,7 +92,7 @@ class Safetensors {
                 if (text[at] == '\\') ++at;
                 if (at < text.size()) out += text[at++];
             }
-            ++at;
+            expect('"');
             return out;
         };
         const auto closes = [&](char c) {
@@ -95,9 +106,11 @@ class Safetensors {
             std::vector<std::size_t> out;
             expect('[');
             while (!closes(']')) {
-                std::size_t used = 0;
-                out.push_back(std::stoull(text.substr(at, 20), &used));
-                at += used;
+                std::size_t number = 0;
+                const auto [end, error] = std::from_chars(text.data() + at, text.data() + text.size(), number);
+                if (error != std::errc()) fail("malformed header: a size is no number that fits");
+                out.push_back(number);
+                at = static_cast<std::size_t>(end - text.data());
             }
             return out;
         };

@@ -1,5 +1,6 @@
 """adrl export, and the C++ example on what it writes."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -151,6 +152,106 @@ def test_the_cpp_example_refuses_other_files(programs: Path, tmp_path: Path, con
     done = act(programs, file, "")
     assert done.returncode == 1
     assert done.stderr.startswith("adrl_act: ")
+
+
+@pytest.fixture(scope="module")
+def checked_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of adrl_act that stops at what is undefined, outside of its memory or beyond an integer."""
+    folder = tmp_path_factory.mktemp("checked")
+    checks = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
+    sources = [PROJECT / "examples" / "cpp" / "act.cpp", PROJECT / "core" / "world" / "motion_cue.cpp"]
+    command = ["c++", "-std=c++20", "-g", *checks, f"-I{PROJECT / 'core'}", *map(str, sources)]
+    done = subprocess.run(
+        [*command, "-o", str(folder / "adrl_act")], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return folder
+
+
+def damaged(
+    content: bytes, tensor: str, change: dict[str, object] | None = None, values: object = None
+) -> bytes:
+    """A safetensors file with a tensor's header changed, or its data."""
+    length = int.from_bytes(content[:8], "little")
+    header, data = json.loads(content[8 : 8 + length]), bytearray(content[8 + length :])
+    first, end = header[tensor]["data_offsets"]
+    if values is not None:
+        kind = {"F32": np.float32, "F64": np.float64, "I32": np.int32}[header[tensor]["dtype"]]
+        array = np.frombuffer(data[first:end], kind).copy()
+        array[0] = values
+        data[first:end] = array.tobytes()
+    header[tensor] |= change or {}
+    text = json.dumps(header).encode()
+    return len(text).to_bytes(8, "little") + text + bytes(data)
+
+
+BAD_HEADERS = [
+    ("lidar", {"shape": [2**64]}),
+    ("lidar", {"shape": [-7]}),
+    ("lidar", {"shape": [1e300]}),
+    ("lidar", {"shape": [2**63, 2]}),
+    ("lidar", {"shape": ["7"]}),
+    ("lidar", {"data_offsets": [2**63, 2**63 + 56]}),
+    ("lidar", {"data_offsets": [56, 0]}),
+    ("lidar", {"dtype": "F32"}),
+    ("encoder.extent", {"shape": [0], "data_offsets": [0, 0]}),
+    ("motion", {"shape": [1], "data_offsets": [0, 8]}),
+    ("layers.1.bias", {"shape": [0], "data_offsets": [0, 0]}),
+]
+BAD_VALUES = [
+    *[("lidar", value) for value in (np.nan, np.inf, -1.0, 0.0, 1e300, 180.5)],
+    *[("limits", value) for value in (np.nan, 0.0)],
+    *[("base", value) for value in (np.nan, 0.0)],
+    *[("motion", value) for value in (np.nan, 0.0, 1e18)],
+    ("encoder.scales", 0.0),
+    ("encoder.extent", np.nan),
+    ("encoder.beams", -1),
+    ("footprint", np.nan),
+    ("layers.0.weight", np.inf),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_the_cpp_example_survives_damaged_policies(checked_program: Path, tmp_path: Path):
+    """Each is refused in one line that names the file; nothing undefined happens on the way."""
+    good = to_safetensors(a_policy(ROBOTS["diffbot"], history_steps=5))
+    cases = {f"{name} {change}": damaged(good, name, change) for name, change in BAD_HEADERS}
+    cases |= {f"{name} {value}": damaged(good, name, values=value) for name, value in BAD_VALUES}
+    cases |= {f"first {n} bytes": good[:n] for n in (4, 8, 30, 1000, len(good) - 1)}
+    cases |= {"backslash": b"\x09" + b"\0" * 7 + b'{"abcde\\\\', "deep": b"\x64" + b"\0" * 7 + b"{" * 100}
+    file = tmp_path / "policy.safetensors"
+    for label, content in cases.items():
+        file.write_bytes(content)
+        done = act(checked_program, file, "")
+        assert done.returncode == 1, (label, done.stderr)
+        assert done.stderr.startswith(f"adrl_act: {file}: "), (label, done.stderr)
+        assert done.stderr.count("\n") == 1, (label, done.stderr)
+    for other in (tmp_path, tmp_path / "nowhere", Path("/dev/zero")):
+        assert "ordinary" in act(checked_program, other, "").stderr
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_the_cpp_example_tells_what_is_no_measurement(checked_program: Path, tmp_path: Path):
+    """A fault in any number of a row, and in no other row, makes the velocity NaN."""
+    policy = a_policy(ROBOTS["diffbot"], history_steps=5)
+    file = tmp_path / "policy.safetensors"
+    file.write_bytes(to_safetensors(policy))
+    rows = random_rows(ROBOTS["diffbot"], 1, seed=3)
+    (row,) = lines(rows, with_motion=True).splitlines()
+    numbers, beams = row.split(), ROBOTS["diffbot"].lidar.num_beams
+    others = [k for k in range(len(numbers)) if not (k < beams or beams + 6 <= k < 2 * beams + 6)]
+    text = [row]
+    for place in (0, beams - 1, beams + 6, *others):
+        for fault in ("nan", "inf", "-inf", "1e300") if place in others else ("nan",):
+            text.append(" ".join([*numbers[:place], fault, *numbers[place + 1 :]]))
+    done = act(checked_program, file, "\n".join([*text, row]))
+    assert done.returncode == 0, done.stderr
+    first, *faulty, last = done.stdout.splitlines()
+    assert first == last
+    assert "nan" not in first
+    assert {line.replace("-", "") for line in faulty} == {"nan nan"}
 
 
 def test_onnx_by_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
