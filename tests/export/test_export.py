@@ -169,16 +169,16 @@ def checked_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def damaged(
-    content: bytes, tensor: str, change: dict[str, object] | None = None, values: object = None
+    content: bytes, tensor: str, change: dict[str, object] | None = None, value: float | None = None
 ) -> bytes:
     """A safetensors file with a tensor's header changed, or its data."""
     length = int.from_bytes(content[:8], "little")
     header, data = json.loads(content[8 : 8 + length]), bytearray(content[8 + length :])
     first, end = header[tensor]["data_offsets"]
-    if values is not None:
+    if value is not None:
         kind = {"F32": np.float32, "F64": np.float64, "I32": np.int32}[header[tensor]["dtype"]]
         array = np.frombuffer(data[first:end], kind).copy()
-        array[0] = values
+        array[0] = value
         data[first:end] = array.tobytes()
     header[tensor] |= change or {}
     text = json.dumps(header).encode()
@@ -217,7 +217,7 @@ def test_the_cpp_example_survives_damaged_policies(checked_program: Path, tmp_pa
     """Each is refused in one line that names the file; nothing undefined happens on the way."""
     good = to_safetensors(a_policy(ROBOTS["diffbot"], history_steps=5))
     cases = {f"{name} {change}": damaged(good, name, change) for name, change in BAD_HEADERS}
-    cases |= {f"{name} {value}": damaged(good, name, values=value) for name, value in BAD_VALUES}
+    cases |= {f"{name} {value}": damaged(good, name, value=value) for name, value in BAD_VALUES}
     cases |= {f"first {n} bytes": good[:n] for n in (4, 8, 30, 1000, len(good) - 1)}
     cases |= {"backslash": b"\x09" + b"\0" * 7 + b'{"abcde\\\\', "deep": b"\x64" + b"\0" * 7 + b"{" * 100}
     file = tmp_path / "policy.safetensors"

@@ -1,5 +1,6 @@
 """Robots in Gazebo: they see and hit what ours do, obey their limits, and their processes end."""
 
+import copy
 import json
 import math
 import os
@@ -10,13 +11,14 @@ from pathlib import Path
 import gymnasium
 import numpy as np
 import pytest
+from gymnasium.error import ResetNeeded
 from PIL import Image
 
 from adrl import _core
 from adrl.cli import main
 from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
 from adrl.envs import MILD, NavSim
-from adrl.errors import ConfigError, MissingExtra, WorldError
+from adrl.errors import ConfigError, MissingExtra, UnknownName, WorldError
 from adrl.evaluation.drives import read_drives
 from adrl.evaluation.results import compare_paired
 from adrl.evaluation.rollout import rollout
@@ -239,6 +241,32 @@ class TestInGazebo:
             assert drift < 0.1 * b["travelled"][0] + 0.02
         finally:
             env.close()
+
+    @pytest.mark.slow
+    def test_it_follows_gymnasium_as_our_own_does(self, gazebo: Gazebo) -> None:
+        """Without a seed it is no copy; infos are plain; steps without an episode and copies are refused."""
+        env = gymnasium.make("adrl/Gazebo-v0", world="clutter", max_episode_steps=2).unwrapped
+        vector = gymnasium.make_vec(
+            "adrl/Gazebo-v0", num_envs=2, autoreset_mode="NextStep", max_episode_steps=2
+        )
+        still = np.array([-1.0, 0.0], np.float32)
+        try:
+            with pytest.raises(ResetNeeded):
+                env.step(still)
+            first, info = env.reset()
+            assert info["is_success"] is False
+            assert (first != env.reset()[0]).any()
+            with pytest.raises(ConfigError, match="cannot be copied"):
+                copy.deepcopy(env)
+            np.testing.assert_array_equal(vector.reset(seed=1)[0][1], env.reset(seed=2)[0])
+            both = np.tile(still, (2, 1))
+            ended = [vector.step(both)[3].all() for _ in range(6)]
+            assert ended == [False, True, False, False, True, False]
+            with pytest.raises(UnknownName, match="render_mode"):
+                gymnasium.make_vec("adrl/Gazebo-v0", render_mode="ansi")
+        finally:
+            env.close()
+            vector.close()
 
     @pytest.mark.slow
     def test_a_policy_is_fine_tuned(self, gazebo: Gazebo, tmp_path: Path) -> None:

@@ -102,6 +102,9 @@ class Gazebo:
     ) -> None:
         self.close()
 
+    def __getstate__(self) -> dict[str, Any]:
+        raise ConfigError("robots in Gazebo cannot be copied; make a new environment")
+
     def close(self) -> None:
         """End Gazebo."""
         self._server.close()
