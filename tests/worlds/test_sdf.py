@@ -83,6 +83,17 @@ def test_a_state_moves_and_scales_its_model(tmp_path: Path) -> None:
     np.testing.assert_allclose(load(tmp_path, placed + state).polygons[0].mean(axis=0), [6.0, 6.0])
 
 
+@pytest.mark.parametrize(
+    "told",
+    [f"<link name='in::l'>{pose('5 6 0 0 0 0')}</link>", f"<model name='in'>{pose('5 6 0 0 0 0')}</model>"],
+)
+def test_a_state_moves_models_in_models(tmp_path: Path, told: str) -> None:
+    """Gazebo wrote a nested model's links into the outer model's state, and its own state later."""
+    outer = f"<model name='m'>{model(CYLINDER, name='in', model_pose=pose('1 1 0 0 0 0'))}</model>"
+    state = f"<state><model name='m'>{pose('0 0 0 0 0 0')}{told}</model></state>"
+    assert load(tmp_path, outer + state).circles.tolist() == [[5.0, 6.0, 0.2]]
+
+
 def test_planes_are_ground_or_walls(tmp_path: Path) -> None:
     def plane(normal: str) -> str:
         return f"<geometry><plane><normal>{normal}</normal><size>4 6</size></plane></geometry>"
@@ -114,6 +125,15 @@ def test_only_what_reaches_the_robots_heights_counts(
 ) -> None:
     world = load(tmp_path, model(BOX) + model(geometry, pose=pose(f"0 0 {z} 0 0 0"), name="n"))
     assert [c[2] for c in world.circles.tolist()] == ([] if radius is None else pytest.approx([radius]))
+
+
+def test_what_only_touches_the_band_is_not_in_it(tmp_path: Path) -> None:
+    """A shelf board from 0.5 m up or to 0.05 m, its middle rounded this way and that."""
+    board = "<geometry><box><size>1 1 0.02</size></box></geometry>"
+    for z in (0.51, 0.1 + 0.41, 1.0 - 0.49, 0.04):
+        world = load(tmp_path, model(CYLINDER) + model(board, pose=pose(f"0 0 {z!r} 0 0 0"), name="board"))
+        assert len(world.polygons) == 0
+    assert len(load(tmp_path, model(board, pose=pose("0 0 0.509 0 0 0"))).polygons) == 1
 
 
 def test_bounds_hold_the_geometry_and_a_margin(tmp_path: Path) -> None:

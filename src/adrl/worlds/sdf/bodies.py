@@ -1,7 +1,7 @@
 """The models of a world as bodies: their solids, and what is known of their staying where they are."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from xml.etree.ElementTree import Element
 
@@ -61,7 +61,7 @@ def read_body(scope: Scope, pose: Array, state: Element | None, builder: Builder
         body.drives |= any(DRIVES.search(text) for text in plugins)
     links = [link for element in _elements(scope) for link in element.findall("link")]
     body.held |= bool(links) and not any(flag(link, "gravity", default=True) for link in links)
-    body.solids = list(_solids(scope, pose, state, builder))
+    body.solids = list(_solids(scope, pose, {} if state is None else _states(state, scope.path), builder))
     return body
 
 
@@ -71,8 +71,8 @@ def _elements(scope: Scope) -> Iterator[Element]:
         yield from _elements(nested)
 
 
-def _solids(scope: Scope, pose: Array, state: Element | None, builder: Builder) -> Iterator[Solid]:
-    told = f"the state of {scope.label}"
+def _solids(scope: Scope, pose: Array, states: Mapping[str, Element], builder: Builder) -> Iterator[Solid]:
+    told, state = f"the state of {scope.label}", states.get(scope.path)
     scale: Scale = (1.0, 1.0, 1.0)
     if state is not None:  # its poses are the world's
         pose = pose_matrix(state.find("pose"), told)
@@ -82,7 +82,7 @@ def _solids(scope: Scope, pose: Array, state: Element | None, builder: Builder) 
         name = f"{scope.path}::{link.get('name', '')}"
         if name in builder.ignored:
             continue
-        link_state = named(state, "link", link.get("name"))
+        link_state = states.get(name)
         # A collision is placed in the model's frames; a state moves the link and what is on it.
         in_model = scope.pose(link)
         moved = pose
@@ -97,9 +97,20 @@ def _solids(scope: Scope, pose: Array, state: Element | None, builder: Builder) 
             place = in_model @ pose_matrix(frame, scope.label) if own else scope.pose(collision)
             yield from solids(geometry, moved @ place, scale, builder.library, scope.folder, scope.label)
     for nested in scope.nested.values():
-        yield from _solids(
-            nested, pose @ scope.place_of(nested), named(state, "model", nested.element.get("name")), builder
-        )
+        yield from _solids(nested, pose @ scope.place_of(nested), states, builder)
+
+
+def _states(state: Element, path: str) -> dict[str, Element]:
+    """What a state says of a model, its links and the models in it, by their names among all.
+
+    Older files have no models in models: there a link is called inner::link.
+    """
+    found = {path: state}
+    for link in state.iterfind("link"):
+        found[f"{path}::{link.get('name', '')}"] = link
+    for inner in state.iterfind("model"):
+        found |= _states(inner, f"{path}::{inner.get('name', '')}")
+    return found
 
 
 def named(parent: Element | None, tag: str, name: str | None) -> Element | None:

@@ -17,6 +17,8 @@ Band = tuple[float, float]
 """Least and greatest height."""
 LEVEL_RAD = 0.01
 """Nearer to upright than this, 0.6 degrees, is upright: physics settles a model so."""
+TOUCH_M = 1e-6
+"""What reaches into the band by less only touches it, and is not in the way."""
 SIDES = 32
 """Of the polygon around a round solid that is tilted."""
 
@@ -59,14 +61,14 @@ class Footprint:
         """The convex hull of (N, 2) points: a polygon, or a segment where they are on a line."""
         from scipy.spatial import ConvexHull, QhullError  # not at the top: a robot has no SciPy
 
+        points = np.unique(points.round(9), axis=0)
         try:
             corners = points[ConvexHull(points).vertices]
-            # Corners that turn by less than rounding are none.
-            ahead, behind = np.roll(corners, -1, axis=0) - corners, corners - np.roll(corners, 1, axis=0)
-            turn = behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0]
-            corners = corners[turn > 1e-9 * np.abs(corners - corners.mean(axis=0)).max() ** 2]
         except (QhullError, ValueError):
             corners = points[:0]
+        # Rounding may leave corners on, or just inside, the line of their neighbours: no corners then.
+        while len(corners) >= 3 and (turns := _turns(corners)).min() <= 0.0:
+            corners = np.delete(corners, turns.argmin(), axis=0)
         if len(corners) >= 3:
             self.polygons.append(np.ascontiguousarray(corners))
         else:
@@ -75,6 +77,12 @@ class Footprint:
             a, b = points[order.argmin()], points[order.argmax()]
             if np.hypot(*(b - a)) > 0.0:
                 self.segments.append((*a, *b))
+
+
+def _turns(corners: Array) -> Array:
+    """(V,) positive where a polygon turns left at a corner."""
+    behind, ahead = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
+    return behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0]
 
 
 class Solid(Protocol):

@@ -15,7 +15,7 @@ from adrl.errors import MissingExtra, WorldError
 from adrl.types import World
 from adrl.worlds.sdf.bodies import Body, falling, named, read_body
 from adrl.worlds.sdf.document import root_of
-from adrl.worlds.sdf.footprint import Band, Footprint, Solid
+from adrl.worlds.sdf.footprint import TOUCH_M, Band, Footprint, Solid
 from adrl.worlds.sdf.frames import Scope
 from adrl.worlds.sdf.geometry import Wall
 from adrl.worlds.sdf.library import Library
@@ -154,7 +154,7 @@ class _Reader:
             return found
         for solid in solids:
             low, high = solid.extent[:, 2]
-            if low < self._band[1] and high > self._band[0]:
+            if low < self._band[1] - TOUCH_M and high > self._band[0] + TOUCH_M:
                 found.add(solid.footprint(self._band))
         reason = _doubt(body, falls) if found else self._absence(body, solids, falls)
         if reason:
@@ -169,7 +169,7 @@ class _Reader:
             return "without a collision shape" if body.has_looks and not body.solids else None
         if falls:
             return "not static, and nothing under them: they will fall"
-        if all(solid.extent[1, 2] <= self._band[0] for solid in solids):
+        if all(solid.extent[1, 2] <= self._band[0] + TOUCH_M for solid in solids):
             return f"below {self._band[0]:g} m"
         return f"above {self._band[1]:g} m"
 

@@ -6,6 +6,7 @@ A closed body is solid; any other surface is a wall without inside, as a LiDAR s
 import functools
 import io
 import logging
+import math
 import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,7 +21,8 @@ from adrl import files
 from adrl.errors import FileError, MissingExtra, WorldError
 from adrl.types import Array
 from adrl.worlds.sdf.document import element_of
-from adrl.worlds.sdf.footprint import Band, Footprint
+from adrl.worlds.sdf.footprint import TOUCH_M, Band, Footprint
+from adrl.worlds.shapes import place
 
 MAX_BYTES = 256 * 2**20
 MAX_FACES = 1_000_000
@@ -29,7 +31,6 @@ TOLERANCES_M = (0.005, 0.02, 0.08)
 """The outline lies outside the mesh by the first to twice the first; by the next where it has more than MAX_PARTS."""
 MAX_PARTS = 4000
 """Convex polygons, a building's. What is more intricate still is read as the hull of what is in the band."""
-TOUCH_M = 1e-6
 
 
 def extra(load: Callable[[], Any], what: str) -> Any:
@@ -170,19 +171,35 @@ class Mesh:
 
     def footprint(self, band: Band) -> Footprint:
         """Convex polygons around what it covers."""
-        shapely = extra(_import_shapely, "an outline")
-        # What only touches the band is not in it.
-        band = (band[0] + TOUCH_M, band[1] - TOUCH_M)
-        tolerance, region, parts = 0.0, shapely.Polygon(), []
-        for tolerance in TOLERANCES_M:
-            region = _region(shapely, self._corners, self.surface, band, tolerance)
-            parts = _convex_parts(shapely, region)
-            if len(parts) <= MAX_PARTS:
-                break
-        found = Footprint(is_rough=tolerance > TOLERANCES_M[0])
-        for part in parts if len(parts) <= MAX_PARTS else [shapely.get_coordinates(region)]:
-            found.add_hull(part)
+        # Copies of a thing differ mostly in where they stand and which way they face: they share an outline.
+        axis = int(np.hypot(self.pose[0, :3], self.pose[1, :3]).argmax())
+        yaw = math.atan2(self.pose[1, axis], self.pose[0, axis])
+        turned = np.column_stack([place(self.pose[:2].T, 0.0, 0.0, -yaw), self.pose[2]])[:3]
+        parts, is_rough = _outline(
+            self.surface, tuple(turned.round(6).ravel()), round(self.pose[2, 3], 4), band
+        )
+        found = Footprint(is_rough=is_rough)
+        for part in parts:
+            found.add_hull(place(part, self.pose[0, 3], self.pose[1, 3], yaw))
         return found
+
+
+@functools.lru_cache(maxsize=1024)
+def _outline(surface: Surface, axes: tuple[float, ...], z: float, band: Band) -> tuple[list[Array], bool]:
+    """Convex parts of what a surface covers, and whether they are rough.
+
+    axes: the x, y and z of its x axis, its y axis and its z axis, each as long as its scale. z: of its origin.
+    """
+    shapely = extra(_import_shapely, "an outline")
+    corners = surface.corners @ np.reshape(axes, (3, 3)) + (0.0, 0.0, z)
+    band = (band[0] + TOUCH_M, band[1] - TOUCH_M)
+    tolerance, region, parts = 0.0, shapely.Polygon(), []
+    for tolerance in TOLERANCES_M:
+        region = _region(shapely, corners, surface, band, tolerance)
+        parts = _convex_parts(shapely, region)
+        if len(parts) <= MAX_PARTS:
+            return parts, tolerance > TOLERANCES_M[0]
+    return [shapely.get_coordinates(region)], True
 
 
 def _region(shapely: Any, corners: Array, surface: Surface, band: Band, tolerance: float) -> Any:
