@@ -61,7 +61,7 @@ class ProbeEnv:
         self._x, self._t = self.start(), np.zeros(self.num_envs, np.int64)
         return self._observe(), {}
 
-    def step(self, actions: F32) -> tuple[F32, F32, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+    def advance(self, actions: F32) -> tuple[F32, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
         rewards = self.pay(actions).astype(np.float32)
         self._x = self.move(actions).astype(np.float32)
         self._t = self._t + 1
@@ -81,7 +81,7 @@ class ProbeEnv:
         }
         terminated = failed if self.truncates else ended
         truncated = ended & ~terminated
-        return self._observe(), rewards, terminated, truncated, info
+        return self._observe(), terminated, truncated, info
 
     def state(self) -> dict[str, NDArray[Any]]:
         inner = self._rng.bit_generator.state["state"]
@@ -183,7 +183,7 @@ def record_demonstrations(env: ProbeEnv, rows: int) -> Demonstrations:
     }
     for _ in range(rows):
         action = env.expert_actions()
-        following, _, terminated, truncated, info = env.step(action)
+        following, terminated, truncated, info = env.advance(action)
         step = {
             "observation": observation,
             "action": action,

@@ -190,7 +190,7 @@ class _Run:
         return np.clip(policy.act(self._observation) + noise, -1.0, 1.0).astype(np.float32, copy=False)
 
     def _step(self, action: F32) -> None:
-        observation, _, terminated, truncated, info = self.env.step(action)
+        observation, terminated, truncated, info = self.env.advance(action)
         terms, features, maturity = info["reward_terms"], info["features"], self.learner.reward_maturity
         self.learner.replay.add(
             self._observation, action, terms, features, info["next_obs"], terminated, truncated, maturity

@@ -172,6 +172,12 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
 
         In mode NextStep a row whose episode has ended begins another instead, whatever its action, for reward 0.
         """
+        observation, terminated, truncated, info = self.advance(actions)
+        paid = reward(info["reward_terms"], info["features"], self._maturity, self.sim.reward)
+        return observation, np.asarray(paid, dtype=np.float32), terminated, truncated, info
+
+    def advance(self, actions: F32) -> tuple[F32, Mask, Mask, dict[str, Any]]:
+        """step() without the reward, for who forms it from the terms, as our learner does (eq 17)."""
         actions = self._sound(actions)
         resting = self._resting()
         outcome = self.sim.step(actions)
@@ -182,12 +188,9 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             terminated, truncated = terminated | truncated, np.zeros_like(truncated)
         truncated |= ~terminated & (self.sim.b["time"] >= self._cut_s - 1e-6)
         info = _results(outcome)
-        rewards = np.asarray(
-            reward(outcome.reward_terms, outcome.features, self._maturity, self.sim.reward), dtype=np.float32
-        )
         if resting.any():
             self._begin(np.flatnonzero(resting))
-            for values in (terminated, truncated, rewards, *info.values()):
+            for values in (terminated, truncated, *info.values()):
                 values[resting] = 0
         ended = terminated | truncated
         self._draws.learn(self._task_index[ended], outcome.reached[ended])
@@ -198,9 +201,10 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             info |= {"next_obs": observation.copy(), "_next_obs": np.ones(self.num_envs, dtype=bool)}
             if ended.any():
                 info |= _final(observation, {name: info[name] for name in RESULTS}, ended)
-                self._begin(np.flatnonzero(ended))
-                observation = self.sim.observe()
-        return observation, rewards, terminated, truncated, info
+                begun = np.flatnonzero(ended)
+                self._begin(begun)
+                observation[begun] = self.sim.observe(begun)
+        return observation, terminated, truncated, info
 
     def expert_actions(self) -> F32:
         """(N, 2) actions of A*+DWA, which knows everything, in the current states."""

@@ -146,7 +146,7 @@ def collect(
     for t in range(rows):
         label = env.expert_actions()
         action = np.clip(label + bursts.offset(), -1.0, 1.0)
-        following, _, terminated, truncated, info = env.step(action)
+        following, terminated, truncated, info = env.advance(action)
         step = {
             "observation": observation,
             "action": action,

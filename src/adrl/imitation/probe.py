@@ -26,8 +26,8 @@ class ProbeEnv(Protocol):
         """Start new episodes in every row."""
         ...
 
-    def step(self, actions: F32) -> tuple[F32, F32, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
-        """Gymnasium's vector step with reward_terms and features in info."""
+    def advance(self, actions: F32) -> tuple[F32, NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]:
+        """Gymnasium's vector step without the reward, with reward_terms and features in info."""
         ...
 
     def expert_actions(self) -> F32:
@@ -139,7 +139,7 @@ def _along_routes(env: ProbeEnv, seed: int, rng: np.random.Generator) -> tuple[F
     stop = rng.integers(STOPS, size=env.num_envs)
     for number in range(1, STOPS):
         for _ in range(STOP_STEPS):
-            observation = env.step(env.expert_actions())[0]
+            observation = env.advance(env.expert_actions())[0]
         rows = stop == number
         chosen[rows] = observation[rows]
         for name, array in env.state().items():
@@ -152,7 +152,7 @@ def _record(env: ProbeEnv, act: Callable[[int], F32], max_steps: int) -> Rollout
     alive = np.ones(env.num_envs, dtype=bool)
     terms, features, mask = [], [], []
     for step in range(max_steps):
-        _, _, terminated, truncated, info = env.step(act(step))
+        _, terminated, truncated, info = env.advance(act(step))
         terms.append(np.array(info["reward_terms"], dtype=np.float32))
         features.append(np.array(info["features"], dtype=np.float32))
         mask.append(alive.copy())
