@@ -39,6 +39,21 @@ class TestPlaces:
         ):
             adrl.refuses(*command, option, file, says=says)
 
+    @pytest.mark.parametrize(
+        ("text", "says"),
+        [
+            (
+                "a: &a [x, x]\nb: &b [" + "*a," * 5000 + "]\nc: [" + "*b," * 5000 + "]",
+                "values, aliases written out",
+            ),
+            ("a: " + "[" * 3000 + "]" * 3000, "deep"),
+        ],
+    )
+    def test_map_that_would_fill_memory(self, adrl: Adrl, text: str, says: str) -> None:
+        write_map(adrl.folder, hall())
+        (adrl.folder / "map.yaml").write_text((adrl.folder / "map.yaml").read_text() + text)
+        self.refused(adrl, "map.yaml", says)
+
     def test_map_that_does_not_exist(self, adrl: Adrl) -> None:
         self.refused(adrl, "map.yaml", "does not exist", "give")
 

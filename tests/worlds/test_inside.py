@@ -91,7 +91,7 @@ def test_the_largest_of_several_rooms_is_taken_and_told(
     assert (np.abs(points) < 4.0).all()
     (line,) = caplog.messages
     assert "sdf:place, robot 'diffbot': tasks lie in the largest enclosed region" in line
-    assert "about (20.0, 3.0), and not in 2 smaller enclosed ones nor on the" in line
+    assert "about (20.0, 3.0); left out: smaller enclosed ones (2), open ground (" in line
 
 
 def test_a_shed_in_a_wide_field_is_not_where_one_drives(

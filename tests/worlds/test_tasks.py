@@ -88,6 +88,27 @@ def test_a_map_too_narrow_for_the_robot_is_refused(tmp_path: Path) -> None:
     assert len(task_set(scenario, small, "test", 3)) == 3
 
 
+def test_a_small_room_in_a_wide_map_has_the_same_tasks_whoever_saved_it(tmp_path: Path) -> None:
+    pixels = np.full((200, 200), 205)  # unknown
+    pixels[60:142, 60:142] = 0
+    pixels[61:141, 61:141] = 254  # 4 x 4 m
+    first, again = (
+        task_set(MapScenario(write_map(tmp_path, pixels, free_thresh=free)), DIFFBOT, "test", 10)
+        for free in (0.196, 0.25)  # ROS 1, Nav2
+    )
+    assert [task.start + task.goal for task in first] == [task.start + task.goal for task in again]
+    for task in first:
+        assert ((task.path > 3.0) & (task.path < 7.0)).all()
+
+
+def test_the_widest_region_is_that_of_the_cells_for_tasks(tmp_path: Path) -> None:
+    pixels = np.full((200, 200), 206)  # free, and not surely so
+    pixels[60:142, 60:142] = 0
+    pixels[61:141, 61:141] = 254
+    for task in task_set(MapScenario(write_map(tmp_path, pixels)), DIFFBOT, "test", 10):
+        assert ((task.path > 3.0) & (task.path < 7.0)).all()
+
+
 def test_tasks_of_a_yawed_map_lie_inside_it(tmp_path: Path) -> None:
     pixels = np.full((60, 120), 254)
     pixels[20:40, 50:60] = 0

@@ -44,14 +44,14 @@ def inside(world: World, tasks: TaskSpace) -> tuple[TaskSpace, str]:
             f"{areas_m2[largest]:.1f} m2, less than a tenth of it"
         )
     room = tasks.on(regions == largest + 1)
-    left_out = [f"{len(enclosed) - 1} smaller enclosed ones"] if len(enclosed) > 1 else []
-    left_out += [f"the {ground_m2:.0f} m2 of open ground"] if ground_m2 > 0.0 else []
+    left_out = [f"smaller enclosed ones ({len(enclosed) - 1})"] if len(enclosed) > 1 else []
+    left_out += [f"open ground ({ground_m2:.0f} m2)"] if ground_m2 > 0.0 else []
     if not left_out:
         return room, ""
     x, y = tasks.space.grid.centre(np.argwhere(room.allowed).mean(axis=0))
     return room, (
-        f"tasks lie in the largest enclosed region, {areas_m2[largest]:.0f} m2 about ({x:.1f}, {y:.1f}), and not in "
-        f"{' nor on '.join(left_out)}"
+        f"tasks lie in the largest enclosed region, {areas_m2[largest]:.0f} m2 about ({x:.1f}, {y:.1f}); left out: "
+        f"{', '.join(left_out)}"
     )
 
 
