@@ -11,7 +11,7 @@ from adrl.rewards import FEATURES, REWARD_TERMS, RewardConfig
 
 F32 = NDArray[np.float32]
 
-PLAIN = RewardConfig(scale=1.0, success_weight=1.0)
+PLAIN = RewardConfig(scale=1.0)
 """Makes a step's reward the first of its terms."""
 
 

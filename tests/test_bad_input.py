@@ -25,6 +25,8 @@ class TestNames:
             (("train", "--steps", 64, "--guidance", "mapp"), ("unknown guidance 'mapp'", "'map'")),
             (("collect", "--out", "d", "--scenario", "dinamic"), ("'dinamic'", "'dynamic'")),
             (("evaluate", "--episdes", 3), ("--episdes", "--episodes")),
+            (("train", "--steps", 64, "--td3.policy-delay", 4), ("--td3.policy-delay",)),
+            (("train", "--steps", 64, "--replanner.arrival-m", 0.3), ("--replanner.arrival-m",)),
         ],
     )
     def test_the_nearest_is_suggested(

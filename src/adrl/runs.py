@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 import tyro
 
@@ -76,7 +76,7 @@ class RunConfig(Place):
     """Robots simulated side by side."""
     task_pool: int = 512
     """Worlds to train in, the first ones of the training split."""
-    task_priority: float = 1.0
+    task_priority: ClassVar[float] = 1.0
     """Draw tasks that failed lately more often: chances are 0.1 + task_priority * failure rate; 0 for all alike."""
     demonstration_steps: int = 10_000
     """Environment steps of A*+DWA demonstrations to collect."""

@@ -1,15 +1,26 @@
 """Shared value types: robots, worlds, tasks, policies. SI units, radians, frames as in ROS REP 103."""
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, is_dataclass
 from functools import cached_property
-from typing import Annotated, Any, Literal, Protocol, get_args, runtime_checkable
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    Protocol,
+    get_args,
+    get_origin,
+    get_type_hints,
+    runtime_checkable,
+)
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adrl import _core
-from adrl.errors import ConfigError
+from adrl.errors import CheckpointError, ConfigError
 from adrl.ranges import Range, check_ranges
 
 Array = NDArray[np.float64]
@@ -29,6 +40,27 @@ MOST_M = 10.0
 def _require(ok: bool, message: str) -> None:
     if not ok:
         raise ConfigError(message)
+
+
+def without_constants(kind: type, saved: Mapping[str, Any]) -> dict[str, Any]:
+    """What a file says of the options of a dataclass, and of the dataclasses in it.
+
+    Options that are constants now are left out: files of before name them. Raises CheckpointError where one had another
+    value.
+    """
+    kept = dict(saved)
+    for name, hint in get_type_hints(kind).items():
+        value = kept.get(name)
+        if is_dataclass(hint) and isinstance(hint, type) and isinstance(value, Mapping):
+            kept[name] = without_constants(hint, value)
+        elif get_origin(hint) is ClassVar and name in kept:
+            constant = getattr(kind, name)
+            if kept.pop(name) != constant:
+                raise CheckpointError(
+                    f"{name} of {kind.__name__} was {value!r} and is always {constant!r} now; train anew, or use the "
+                    "version of before"
+                )
+    return kept
 
 
 def require_forms(owner: object, *equations: str) -> None:

@@ -311,10 +311,8 @@ def test_methods_may_be_added_but_not_become_others(tmp_path: Path, monkeypatch:
     assert list(json.loads(settings.read_text())["methods"]) == ["adrl", "td3bc", "td3"]
 
     whole = contents(tmp_path)
-    monkeypatch.setitem(
-        METHODS, "td3bc", lambda learner: replace(METHODS["bc"](learner), static_maturity=0.3)
-    )
-    with pytest.raises(ConfigError, match=r"td3bc\.static_maturity: 0\.5 there, 0\.3 here"):
+    monkeypatch.setitem(METHODS, "td3bc", lambda learner: replace(METHODS["bc"](learner), failure_share=0.3))
+    with pytest.raises(ConfigError, match=r"td3bc\.failure_share: 0\.03 there, 0\.3 here"):
         compare(config)
     assert contents(tmp_path) == whole, "a refusal touches nothing"
     compare(more)  # whoever does not ask for it goes on

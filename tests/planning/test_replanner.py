@@ -376,18 +376,13 @@ def test_robots_that_are_not_active_are_left_alone() -> None:
     [
         ("window_s", 0.0),
         ("eq18", "printed"),
-        ("k_proximity", -1.0),
         ("cells", 10),
-        ("min_interval_m", 2.0),
         ("density_weight", 100.1),
-        ("turn_cost_m", 10.1),
     ],
 )
 def test_bad_config(field: str, value: Any) -> None:
     with pytest.raises(ConfigError, match=field):
         ReplannerConfig(**{field: value})
-    with pytest.raises(ConfigError, match="k_obstacle"):
-        ReplannerConfig(k_obstacle=0.0, k_proximity=0.0, k_turn=0.0)
 
 
 def test_as_printed_turning_costs_in_the_search() -> None:

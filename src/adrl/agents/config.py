@@ -2,7 +2,9 @@
 
 import math
 from dataclasses import asdict, dataclass, field, replace
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
+
+import tyro
 
 from adrl.errors import ConfigError
 from adrl.imitation.schedule import ScheduleConfig
@@ -19,7 +21,7 @@ class Td3Config:
 
     widths: tuple[int, ...] = (128, 128)
     """Hidden units of each layer, of the actor and of each critic; 1 to 8192."""
-    critic_layer_norm: bool = True
+    critic_layer_norm: tyro.conf.Suppress[bool] = True
     """Normalise each hidden layer of the critics: keeps values bounded at actions nobody took."""
     gamma: Annotated[float, Range(0.0, 1.0)] = 0.98
     """Discount a reference period (adrl.rewards): 0.1 s, longer for slow robots. A run takes the power of it that its
@@ -37,18 +39,18 @@ class Td3Config:
     polyak: Annotated[float, Range(0.0, 1.0)] = 0.01
     """Share of the new weights a target network takes over at each actor update; more in the first 1,600 of them; 0 to
     1."""
-    actor_average: Annotated[float, Range(0.0, 1.0)] = 0.0025
+    actor_average: ClassVar[float] = 0.0025
     """Share of the new actor that the averaged one takes over at each actor update. The average is what is evaluated
-    and saved: single actors of a run differ by many points of success, their average does not; 0 to 1."""
-    policy_delay: Annotated[int, Range(1, 1000)] = 2
-    """Critic updates an actor update; 1 to 1000."""
-    target_noise_std: Annotated[float, Range(0.0, 10.0)] = 0.2
-    """Standard deviation of the noise on the target's action; 0 to 10."""
-    target_noise_clip: Annotated[float, Range(0.0, 10.0)] = 0.5
-    """That noise is clipped to this absolute value; 0 to 10."""
+    and saved: single actors of a run differ by many points of success, their average does not."""
+    policy_delay: ClassVar[int] = 2
+    """Critic updates an actor update."""
+    target_noise_std: ClassVar[float] = 0.2
+    """Standard deviation of the noise on the target's action."""
+    target_noise_clip: ClassVar[float] = 0.5
+    """That noise is clipped to this absolute value."""
     q_scale_floor: Annotated[float, Range(1e-12, 1e6)] = 0.1
     """Least value of the mean |Q| that the cloning term is measured in (eq 6); 1e-12 to 1e+06."""
-    q_filter: bool = False
+    q_filter: tyro.conf.Suppress[bool] = False
     """Clone only where the critic prefers the expert's action to the actor's ("selective", eq 6)."""
     eq6: Form = "corrected"
     """The actor's objective. Literal: Q is not divided by its mean absolute value, so that the weight of cloning
@@ -74,8 +76,8 @@ class TrainConfig:
     max_seconds: Annotated[float, Range(1e-09, math.inf)] | None = None
     """Wall clock of the whole run in s, 1e-09 or more, a total: imports, demonstrations, probe and compilation are in
     it, and with --resume what was spent before. Validation is not."""
-    updates_per_iteration: Annotated[int, Range(1, 10000)] = 4
-    """Gradient updates for each step of the vector environment; a multiple of policy_delay; 1 to 10000."""
+    updates_per_iteration: ClassVar[int] = 4
+    """Gradient updates for each step of the vector environment; a multiple of policy_delay."""
     replay_capacity: Annotated[int, Range(1, 10_000_000)] = 500_000
     """Transitions kept; about 0.4 kB each; 1 to 1e+07."""
     start_steps: Annotated[int, Range(0, math.inf)] = 2048
@@ -86,10 +88,10 @@ class TrainConfig:
     """Online updates during which the actor only clones: a cold critic would undo what was cloned; 0 or more."""
     exploration_std: tuple[float, float] = (0.05, 0.4)
     """Standard deviation of the action noise of the first and of the last robot; evenly spaced between."""
-    dynamic_reward: bool = True
+    dynamic_reward: tyro.conf.Suppress[bool] = True
     """Weigh the reward by today's S (eqs 14-17); if not, by static_maturity."""
-    static_maturity: Annotated[float, Range(0.0, 1.0)] = 0.5
-    """S of the reward weights where they are static; 0 to 1."""
+    static_maturity: ClassVar[float] = 0.5
+    """S of the reward weights where they are static."""
     failure_share: Annotated[float, Range(0.0, 1.0)] = 0.03
     """Share of the online rows of a batch that come from the last ten steps before a failure. They would be rare: a
     policy that nearly always arrives forgets how near is too near; 0 to 1."""
@@ -109,11 +111,6 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self, "TrainConfig.")
-        if self.updates_per_iteration % self.td3.policy_delay:
-            raise ConfigError(
-                f"TrainConfig.updates_per_iteration is {self.updates_per_iteration}; give a multiple of "
-                f"policy_delay = {self.td3.policy_delay}"
-            )
         low, high = self.exploration_std
         if not 0.0 <= low <= high <= 2.0:
             raise ConfigError(

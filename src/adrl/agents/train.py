@@ -39,8 +39,9 @@ from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy
 from adrl.errors import CheckpointError, ConfigError
 from adrl.imitation.probe import Probe
 from adrl.observation import Mirror
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import reward
-from adrl.types import ACTION_SIZE
+from adrl.types import ACTION_SIZE, without_constants
 
 F32 = NDArray[np.float32]
 
@@ -307,6 +308,14 @@ class _Run:
         about |= {"method": policy.method, "environment": policy.extra.get("environment")}
         return json.loads(json.dumps(self.config.comparable() | about, default=str))
 
+    def _without_constants(self, saved: dict[str, Any]) -> dict[str, Any]:
+        """An identity that an earlier version wrote."""
+        environment = dict(saved.get("environment") or {})
+        if "replanner" in environment:
+            environment["replanner"] = without_constants(ReplannerConfig, environment["replanner"])
+            saved = saved | {"environment": environment}
+        return without_constants(TrainConfig, saved)
+
     def close(self) -> None:
         """Close the log."""
         if self._log is not None:
@@ -340,7 +349,7 @@ class _Run:
         """Take its state; returns the length of the metrics log of then, in bytes."""
         state = saved.state
         try:
-            checkpoint.require_same(saved.path, state["config"], self._identity())
+            checkpoint.require_same(saved.path, self._without_constants(state["config"]), self._identity())
             self.learner.restore(saved.part("learner"), state["learner"])
             self.learner.replay.set_state(saved.part("replay"))
             self.env.set_state(saved.part("env"))

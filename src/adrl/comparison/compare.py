@@ -8,6 +8,7 @@ from typing import Any
 
 from adrl import files
 from adrl.agents.budget import require_end
+from adrl.agents.config import TrainConfig
 from adrl.baselines import SB3_METHODS, require_sb3
 from adrl.comparison.config import CompareConfig, differences
 from adrl.comparison.jobs import EPISODES_FILE, Job, all_jobs, concatenated, is_finished
@@ -17,6 +18,7 @@ from adrl.comparison.results import markdown, method_rows, read_runs
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.results import write_table
 from adrl.outputs import locked, require_folder
+from adrl.types import without_constants
 
 SCHEMA_VERSION = 1
 SETTINGS_FILE = "settings.json"
@@ -86,8 +88,9 @@ def claim(config: CompareConfig, folder: Path) -> None:
     if path.exists():
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-            found, known = content["settings"], dict(content["methods"])
-        except (ValueError, KeyError, TypeError):
+            found = without_constants(CompareConfig, content["settings"])
+            known = {name: without_constants(TrainConfig, of) for name, of in content["methods"].items()}
+        except (ValueError, KeyError, TypeError, AttributeError):
             raise CheckpointError(f"{path}: not the settings of a comparison; give another folder") from None
         if lines := differences(found, settings):
             raise ConfigError(

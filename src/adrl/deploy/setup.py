@@ -8,7 +8,7 @@ from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import CheckpointError
 from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.planning.replanner_config import ReplannerConfig
-from adrl.types import RobotConfig
+from adrl.types import RobotConfig, without_constants
 from adrl.worlds.given import GIVEN
 from adrl.worlds.robots import robot_from_fields
 
@@ -31,7 +31,7 @@ def setup_of(policy: MlpPolicy) -> Setup:
     environment = _mapping(config, "environment")
     try:
         encoder = EncoderConfig(**config.encoder)
-        replanner = ReplannerConfig(**environment.get("replanner", {}))
+        replanner = ReplannerConfig(**without_constants(ReplannerConfig, environment.get("replanner", {})))
     except TypeError as error:
         raise CheckpointError(
             f"policy {name!r}: bad encoder or replanner in config.json ({error}); restore the file"

@@ -33,7 +33,7 @@ from adrl.evaluation.rollout import PrivilegedPolicy, Recorder, Rollout, rollout
 from adrl.evaluation.traces import TRACES_FILE, TraceRecorder, Traces, write_traces
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, RewardTerm
-from adrl.types import Policy, RobotConfig, Scenario, Task
+from adrl.types import Policy, RobotConfig, Scenario, Task, without_constants
 from adrl.worlds import get_scenario, task_set
 
 LOG = logging.getLogger("adrl.evaluation")
@@ -180,10 +180,10 @@ def _trace_recorder(driver: Policy | PrivilegedPolicy, reward_terms: Sequence[Re
     try:
         maturity = saved.get("maturity")
         maturity = driver.config.maturity if maturity is None else float(maturity)
-        constants = saved.get("constants", {})
+        constants = without_constants(RewardConfig, saved.get("constants", {}))
         given = {term.name: term for term in reward_terms}
-        extra = [given.get(name, name) for name in constants.get("extra_terms", ())]
-        return TraceRecorder(RewardConfig(**constants | {"extra_terms": extra}), maturity)
+        constants["extra_terms"] = [given.get(name, name) for name in constants.get("extra_terms", ())]
+        return TraceRecorder(RewardConfig(**constants), maturity)
     except (AttributeError, TypeError, ValueError) as error:
         raise CheckpointError(f"bad reward in the policy's config.json ({error}); restore the file") from None
 

@@ -5,7 +5,9 @@ In the corrected forms alpha and lambda follow S, not the raw Q, so that neither
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, Literal, NamedTuple, Self, get_args
+from typing import Annotated, ClassVar, Literal, NamedTuple, Self, get_args
+
+import tyro
 
 from adrl.errors import ConfigError, UnknownName
 from adrl.ranges import Range, check_ranges
@@ -32,7 +34,7 @@ MOST_COLD = 0.9
 class ScheduleConfig:
     """Constants and forms of eqs 2, 3, 5 and 13. Times count gradient updates."""
 
-    driver: Driver = "value"
+    driver: tyro.conf.Suppress[Driver] = "value"
     """What S follows: the critic's value as in the paper, or, as controls, the discounted return of the training
     episodes against the same bounds, or the clock."""
     clock_updates: Annotated[float, Range(0.001, 1e9)] = 6000.0
@@ -55,8 +57,8 @@ class ScheduleConfig:
     """Time constant of the exponential moving average over measured maturities; 0.001 to 1e+09."""
     rise_updates: Annotated[float, Range(0.001, 1e9)] = 2500.0
     """Updates that S takes at the least from 0 to 1; 0.001 to 1e+09."""
-    fall_updates: Annotated[float, Range(0.001, 1e9)] = 30000.0
-    """Updates that S takes at the least from 1 to 0. Far more than rise_updates: the ratchet; 0.001 to 1e+09."""
+    fall_updates: ClassVar[float] = 30000.0
+    """Updates that S takes at the least from 1 to 0. Far more than rise_updates: the ratchet."""
     patience_updates: Annotated[float, Range(0.001, 1e9)] | None = None
     """Time constant with which Q_max comes down from the expert's return towards where the critic is, if that is lower:
     an expert that knows the map earns what a policy without one never will. None: 4000, and 1e9, which is never,

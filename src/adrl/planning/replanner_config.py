@@ -1,7 +1,7 @@
 """Constants of the replanner, section III-C of the paper."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Self
+from typing import Annotated, ClassVar, Self
 
 from adrl import _core
 from adrl.errors import ConfigError
@@ -31,15 +31,14 @@ class ReplannerConfig:
     obstacle_change_m: Annotated[float, Range(0.001, 100.0)] = 0.3
     """delta: change in m of the nearest obstacle's distance below which the surroundings count as unchanged; 0.001 to
     100."""
-    environment_gain: Annotated[float, Range(0.0, 100.0)] = 0.5
-    """alpha of eq 19: thresholds grow by this share at contact with an obstacle; 0 to 100."""
+    environment_gain: ClassVar[float] = 0.5
+    """alpha of eq 19: thresholds grow by this share at contact with an obstacle."""
     maturity_gain: Annotated[float, Range(0.0, 100.0)] = 0.2
     """beta of eq 20; 0 to 100."""
-    safe_clearance_m: Annotated[float, Range(0.001, 100.0)] = 0.3
-    """Clearance in m below which an obstacle is a threat: T_obs rises from 0 here to 1 at contact; 0.001 to 100."""
-    conflict_m: Annotated[float, Range(0.001, 1000.0)] = 2.0
-    """A slow robot that drives straight at the goal triggers only with a known obstacle this near on its way, m;
-    0.001 to 1000."""
+    safe_clearance_m: ClassVar[float] = 0.3
+    """Clearance in m below which an obstacle is a threat: T_obs rises from 0 here to 1 at contact."""
+    conflict_m: ClassVar[float] = 2.0
+    """A slow robot that drives straight at the goal triggers only with a known obstacle this near on its way, m."""
     foresight_m: Annotated[float, Range(0.0, 1000.0)] = 8.0
     """A robot that heads for the goal plans at once when it knows of an obstacle this near on the straight way, m; 0
     to 1000.
@@ -49,10 +48,10 @@ class ReplannerConfig:
     replan_interval_s: Annotated[float, Range(0.001, 3600.0)] = 1.0
     """A robot on a route plans anew after so many s, and sooner at its waypoint or when the way to that is blocked;
     0.001 to 3600."""
-    arrival_m: Annotated[float, Range(0.001, 100.0)] = 0.4
-    """Distance in m from the waypoint at which the next one is wanted; 0.001 to 100."""
-    min_interval_m: Annotated[float, Range(0.001, 1000.0)] = 0.3
-    """Least distance of a waypoint along the route, m; 0.001 to 1000."""
+    arrival_m: ClassVar[float] = 0.4
+    """Distance in m from the waypoint at which the next one is wanted."""
+    min_interval_m: ClassVar[float] = 0.3
+    """Least distance of a waypoint along the route, m."""
     lookahead_m: Annotated[float, Range(0.001, 1000.0)] = 1.5
     """Greatest distance of a waypoint along the route, m; 0.001 to 1000."""
     margin_m: Annotated[float, Range(0.001, 10.0)] = 0.05
@@ -60,19 +59,19 @@ class ReplannerConfig:
     comfort_m: Annotated[float, Range(0.001, 10.0)] = 0.3
     """Clearance in m beyond that at which obstacles cease to cost: O of eq 21 falls from 1 to 0 over it; 0.001 to
     10."""
-    near_goal_m: Annotated[float, Range(0.001, 1000.0)] = 3.0
-    """Distance in m below which the goal counts as near: T_goal rises from 0 here to 1 at the goal; 0.001 to 1000."""
-    k_obstacle: Annotated[float, Range(0.0, 1000.0)] = 0.6
-    """k_1 of eq 21: share of the obstacle density; the three are divided by their sum; 0 to 1000."""
-    k_proximity: Annotated[float, Range(0.0, 1000.0)] = 0.1
-    """k_2 of eq 21: share of the distance to the goal; 0 to 1000."""
-    k_turn: Annotated[float, Range(0.0, 1000.0)] = 0.3
-    """k_3 of eq 21: share of the curvature; 0 to 1000."""
+    near_goal_m: ClassVar[float] = 3.0
+    """Distance in m below which the goal counts as near: T_goal rises from 0 here to 1 at the goal."""
+    k_obstacle: ClassVar[float] = 0.6
+    """k_1 of eq 21: share of the obstacle density; the three are divided by their sum."""
+    k_proximity: ClassVar[float] = 0.1
+    """k_2 of eq 21: share of the distance to the goal."""
+    k_turn: ClassVar[float] = 0.3
+    """k_3 of eq 21: share of the curvature."""
     density_weight: Annotated[float, Range(0.0, _core.MAX_DENSITY_WEIGHT)] = 0.3
     """Metres that a metre at density 1 costs more: Cost_obs of eq 22 is this times the integral of the density; 0 to
     100."""
-    turn_cost_m: Annotated[float, Range(0.0, _core.MAX_TURN_COST_M)] = 0.1
-    """lambda of eq 22: m that a radian of turning costs. Counts with `headings`; 0 to 10."""
+    turn_cost_m: ClassVar[float] = 0.1
+    """lambda of eq 22: m that a radian of turning costs. Counts with `headings`."""
     headings: bool = False
     """Search over cells and headings: turning is part of the route's cost, as eq 22 has it. About twice as slow."""
     cells: Annotated[int, Range(40, 2048)] = 400
@@ -82,19 +81,15 @@ class ReplannerConfig:
     0.005 to 1."""
     range_m: Annotated[float, Range(0.1, 1000.0)] = 8.0
     """Hits farther away, m, are not mapped; 0.1 to 1000."""
-    forget_s: Annotated[float, Range(0.001, 3600.0)] = 1.0
-    """Time in s of being seen through after which a mapped obstacle is forgotten; 0.001 to 3600."""
+    forget_s: ClassVar[float] = 1.0
+    """Time in s of being seen through after which a mapped obstacle is forgotten."""
 
     def __post_init__(self) -> None:
         require_forms(self, *EQUATIONS)
         check_ranges(self, "replanner.")
-        if self.k_obstacle + self.k_proximity + self.k_turn <= 0.0:
+        if self.lookahead_m < self.min_interval_m:
             raise ConfigError(
-                "replanner.k_obstacle, k_proximity and k_turn are all 0; give one a positive number"
-            )
-        if self.min_interval_m > self.lookahead_m:
-            raise ConfigError(
-                f"replanner.min_interval_m is {self.min_interval_m}, beyond lookahead_m {self.lookahead_m}"
+                f"replanner.lookahead_m is {self.lookahead_m}; give {self.min_interval_m} or more"
             )
 
     def literal(self) -> Self:

@@ -4,7 +4,7 @@ import functools
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import tyro
 
@@ -32,18 +32,18 @@ class RewardConfig:
     for ever; a crash costs failure_weight * 200. A longer horizon needs a larger failure_weight: 2 for gamma = 0.99.
     """
 
-    success_reward: Annotated[float, Range(1e-06, 1e6)] = 200.0
-    """r_su of eq 7, paid once on arrival; 1e-06 to 1e+06."""
-    failure_penalty: Annotated[float, Range(1e-06, 1e6)] = 200.0
-    """-r_f of eq 8, paid once on collision; 1e-06 to 1e+06."""
+    success_reward: ClassVar[float] = 200.0
+    """r_su of eq 7, paid once on arrival."""
+    failure_penalty: ClassVar[float] = 200.0
+    """-r_f of eq 8, paid once on collision."""
     safe_clearance_m: Annotated[float, Range(0.001, 100.0)] = 0.1
     """d_safe - d_r of eq 11: clearance of the footprint's edge, in m, below which an obstacle costs; 0.001 to 100."""
-    stagnation_fraction: Annotated[float, Range(0.001, 0.999)] = 0.15
-    """d_m of eq 12 as a fraction of max_speed * dt, the longest step a robot can make; 0.001 to 0.999."""
-    near_goal_m: Annotated[float, Range(0.001, 1000.0)] = 3.0
-    """Distance in m below which the goal counts as near: T_goal rises from 0 here to 1 at the goal; 0.001 to 1000."""
-    success_weight: Annotated[float, Range(1e-06, 1e6)] = 1.0
-    """Weight of the success row; fixed, while the four shaping rows always sum to 1; 1e-06 to 1e+06."""
+    stagnation_fraction: ClassVar[float] = 0.15
+    """d_m of eq 12 as a fraction of max_speed * dt, the longest step a robot can make."""
+    near_goal_m: ClassVar[float] = 3.0
+    """Distance in m below which the goal counts as near: T_goal rises from 0 here to 1 at the goal."""
+    success_weight: ClassVar[float] = 1.0
+    """Weight of the success row; fixed, while the four shaping rows always sum to 1."""
     failure_weight: Annotated[float, Range(1e-06, 1e6)] = 1.0
     """Weight of the failure row; fixed; 1e-06 to 1e+06."""
     scale: Annotated[float, Range(1e-06, 1e6)] = 0.02
