@@ -15,7 +15,7 @@ from typing import Any
 from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 
-SECTION = re.compile(r"<!-- README: (.+?) -->")
+SECTION = re.compile(r"^\[(.+?)\]\((?:\.\./)+README\.md(?:#[\w-]*)?\)$", re.MULTILINE)
 MATH = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.+?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -26,7 +26,7 @@ def on_config(config: Any) -> None:
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, **_: Any) -> str:
-    """Put a section of README.md in the place of `<!-- README: its heading -->`."""
+    """Put a section of README.md in the place of a line that only links to it, which a repository page shows."""
     readme = Path(config.config_file_path).parent / "README.md"
     return SECTION.sub(lambda match: _section(readme, match[1], page.file.src_uri), markdown)
 

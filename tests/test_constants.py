@@ -41,7 +41,6 @@ CONSTANTS: dict[type, dict[str, Any]] = {
         "conflict_m": 2.0,
         "arrival_m": 0.4,
         "min_interval_m": 0.3,
-        "lookahead_m": 1.5,
         "near_goal_m": 3.0,
         "k_obstacle": 0.6,
         "k_proximity": 0.1,

@@ -87,3 +87,8 @@ class MissingExtra(AdrlError):
         module = str(error.name).partition(".")[0]
         package = {"yaml": "pyyaml", "PIL": "pillow"}.get(module, module)
         return cls(f"the module {module} is not installed; run: pip install {package}")
+
+    @classmethod
+    def named(cls, extra: str, what: str, otherwise: str = "") -> "MissingExtra":
+        """Of an extra of this package. what: what needs it. otherwise: what else can be done."""
+        return cls(f"{what} needs the extra {extra}; run: pip install 'adrl[{extra}]'{otherwise}")

@@ -18,9 +18,9 @@ def test_it_says_what_to_install(
     monkeypatch.setattr(
         importlib.util, "find_spec", lambda name, *a: None if name == absent else real(name, *a)
     )
-    with pytest.raises(MissingExtra, match=r"pip install -c constraints\.txt '\.\[baselines\]'"):
+    with pytest.raises(MissingExtra, match=r"pip install 'adrl\[baselines\]'"):
         require_sb3()
     for method in SB3_METHODS:
         assert run_cli("compare", "--methods", method, "--steps", 100, "--out", tmp_path / "out") == 2
-        assert ".[baselines]" in capsys.readouterr().err
+        assert "adrl[baselines]" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

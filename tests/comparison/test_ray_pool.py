@@ -91,7 +91,7 @@ def test_without_ray_it_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None)
-    with pytest.raises(MissingExtra, match=r"pip install -c constraints\.txt '\.\[ray\]'"):
+    with pytest.raises(MissingExtra, match=r"pip install 'adrl\[ray\]'"):
         require_ray()
     options = ("--methods", "td3", *SIZES, "--ray", "127.0.0.1:1", "--out", tmp_path / "out")
     assert run_cli("compare", *options) == 2

@@ -377,6 +377,7 @@ def test_robots_that_are_not_active_are_left_alone() -> None:
         ("window_s", 0.0),
         ("eq18", "printed"),
         ("cells", 10),
+        ("lookahead_m", 0.2),
         ("density_weight", 100.1),
     ],
 )

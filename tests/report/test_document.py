@@ -240,10 +240,10 @@ def test_without_plotly_the_command_says_what_to_install(
     evaluation: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setitem(sys.modules, "plotly.offline", None)
-    with pytest.raises(MissingExtra, match=r"\.\[report\]"):
+    with pytest.raises(MissingExtra, match=r"pip install 'adrl\[report\]'"):
         plotly_script()
     assert run_cli("report", evaluation) == 2
-    assert ".[report]" in capsys.readouterr().err
+    assert "adrl[report]" in capsys.readouterr().err
     assert not (evaluation / "report.html").exists()
 
 

@@ -181,7 +181,8 @@ def test_without_the_extra_the_message_says_what_to_install(
 
     monkeypatch.setattr(builtins, "__import__", without)
     with pytest.raises(
-        MissingExtra, match=r"crate\.stl needs an extra; run: pip install 'adrl\[meshes\]'.*--ignore thing"
+        MissingExtra,
+        match=r"crate\.stl needs the extra meshes; run: pip install 'adrl\[meshes\]'.*--ignore thing",
     ):
         load(tmp_path, "crate.stl")
 

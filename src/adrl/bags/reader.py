@@ -85,9 +85,7 @@ def open_bag(path: Path) -> Iterator[Bag]:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        raise MissingExtra(
-            "reading bags needs rosbags; install the extra: pip install 'adrl[bags]'"
-        ) from None
+        raise MissingExtra.named("bags", "reading bags") from None
     require_bag(path)
     # Old ROS 2 bags do not say what their messages are; these have been the same in all releases.
     store = get_typestore(Stores.ROS2_HUMBLE)

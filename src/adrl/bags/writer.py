@@ -35,9 +35,7 @@ def require_new_bag(option: str, path: str | os.PathLike[str]) -> None:
     try:
         import rosbags  # noqa: F401  # pyright: ignore[reportUnusedImport]
     except ImportError:
-        raise MissingExtra(
-            "writing bags needs rosbags; install the extra: pip install 'adrl[bags]'"
-        ) from None
+        raise MissingExtra.named("bags", "writing bags") from None
     if path.suffix in (".mcap", ".db3"):
         raise ConfigError(
             f"{option} {path}: a bag of ROS 2 is a folder; give {path.with_suffix('')}, or a file .bag for ROS 1"

@@ -11,7 +11,4 @@ SB3_METHODS: dict[str, str] = {"sb3-td3": "TD3", "sb3-sac": "SAC", "sb3-ppo": "P
 def require_sb3() -> None:
     """Raises MissingExtra unless Stable-Baselines3 and PyTorch are installed; imports neither."""
     if any(importlib.util.find_spec(name) is None for name in ("torch", "stable_baselines3")):
-        raise MissingExtra(
-            f"methods {', '.join(SB3_METHODS)} need Stable-Baselines3: in ADRL's source folder, "
-            "pip install -c constraints.txt '.[baselines]'"
-        )
+        raise MissingExtra.named("baselines", f"each of the methods {', '.join(SB3_METHODS)}")

@@ -33,9 +33,7 @@ LOCKS_FOLDER = "adrl-cores"
 def require_ray() -> None:
     """Raises MissingExtra unless Ray is installed; does not import it."""
     if importlib.util.find_spec("ray") is None:
-        raise MissingExtra(
-            "--ray needs Ray: in ADRL's source folder, pip install -c constraints.txt '.[ray]'"
-        )
+        raise MissingExtra.named("ray", "--ray")
 
 
 def run_on_ray(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int], None]) -> list[Job]:

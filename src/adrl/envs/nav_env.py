@@ -26,7 +26,7 @@ class NavEnv(gymnasium.Env[F32, F32]):
     def __init__(self, render_mode: str | None = None, *, seed: int | None = None, **kwargs: Any) -> None:
         modes = self.metadata["render_modes"]
         if render_mode == "human" and "human" not in modes:
-            raise MissingExtra("render_mode 'human' needs pygame: pip install 'adrl[render]'")
+            raise MissingExtra.named("render", "render_mode 'human'")
         if render_mode not in (None, *modes):
             raise UnknownName("render_mode", str(render_mode), modes)
         self._env = NavVectorEnv(1, autoreset_mode=AutoresetMode.DISABLED, **kwargs)

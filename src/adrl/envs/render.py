@@ -107,7 +107,7 @@ class Renderer:
         try:
             import pygame
         except ImportError:
-            raise MissingExtra("render_mode 'human' needs pygame: pip install 'adrl[render]'") from None
+            raise MissingExtra.named("render", "render_mode 'human'") from None
         picture = self.draw(sim, index)
         if self._window is None:
             pygame.display.init()

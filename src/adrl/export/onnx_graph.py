@@ -75,7 +75,7 @@ def to_onnx(policy: MlpPolicy) -> bytes:
     try:
         import onnx
     except ImportError:
-        raise MissingExtra("writing ONNX needs onnx; run: pip install -c constraints.txt '.[onnx]'") from None
+        raise MissingExtra.named("onnx", "writing ONNX") from None
     setup = setup_of(policy)
     encoder = ObservationEncoder(setup.robot, setup.encoder)
     graph = Graph(onnx)

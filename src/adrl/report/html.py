@@ -39,9 +39,7 @@ def plotly_script() -> str:
     try:
         from plotly.offline import get_plotlyjs
     except ImportError:
-        raise MissingExtra(
-            "adrl report needs Plotly: in ADRL's source folder, pip install -c constraints.txt '.[report]'"
-        ) from None
+        raise MissingExtra.named("report", "adrl report") from None
     return get_plotlyjs()
 
 

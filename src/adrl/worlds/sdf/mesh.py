@@ -38,9 +38,7 @@ def extra(load: Callable[[], Any], what: str) -> Any:
     try:
         return load()
     except ModuleNotFoundError:
-        raise MissingExtra(
-            f"{what} needs an extra; run: pip install 'adrl[meshes]', or leave it out with --ignore"
-        ) from None
+        raise MissingExtra.named("meshes", what, ", or leave it out with --ignore") from None
 
 
 def _import_shapely() -> Any:
