@@ -23,6 +23,7 @@ from adrl.commands.barn import BarnOptions
 from adrl.commands.bench import ActOptions, GazeboOptions, LearnOptions, PlanOptions, Ros2Options, SimOptions
 from adrl.commands.calibrate import CalibrateOptions
 from adrl.commands.collect import CollectOptions
+from adrl.commands.compare import COMMON as COMPARE_COMMON
 from adrl.commands.evaluate import EvaluateOptions
 from adrl.commands.export import ExportOptions
 from adrl.commands.gazebo import EvaluateOptions as GazeboEvaluateOptions
@@ -31,6 +32,8 @@ from adrl.commands.gazebo import FilmOptions, TransferOptions
 from adrl.commands.list import ListOptions
 from adrl.commands.report import ReportOptions
 from adrl.commands.reproduce import ReproduceOptions
+from adrl.commands.run_options import parse_run
+from adrl.commands.train import COMMON as TRAIN_COMMON
 from adrl.comparison.config import CompareConfig
 from adrl.evaluation.results import read_episodes
 from adrl.evaluation.rollout import Rollout, rollout
@@ -135,6 +138,45 @@ class TestHelp:
             for ending, unit in UNITS.items():
                 if name == ending or name.endswith(f"-{ending}"):
                     assert re.search(unit, text, re.DOTALL), f"adrl {command} --{name} names no unit: {text}"
+
+    @pytest.mark.parametrize(("command", "common"), [("train", TRAIN_COMMON), ("compare", COMPARE_COMMON)])
+    def test_the_common_options_come_first_and_the_others_in_groups(
+        self,
+        command: str,
+        common: tuple[str, ...],
+        capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch,
+    ) -> None:
+        monkeypatch.setenv("COLUMNS", "80")  # one column of boxes
+        assert run_cli(command, "--help") == 0
+        lines = capsys.readouterr().out
+        shown = re.findall(r"^\W{1,2}--([a-z][a-z-]*)|^\W{1,3}(\w+) options\W*$", lines, re.MULTILINE)
+        first_group = next(i for i, (_, group) in enumerate(shown) if group)
+        assert [name for name, _ in shown[:first_group]] == [name.replace("_", "-") for name in common]
+        assert {"place", "expert", "learning", "records", "td3", "replanner"} <= {group for _, group in shown}
+
+    def test_every_option_reaches_the_run(self) -> None:
+        """Of the command's own, of the groups, of the learner and of its parts."""
+        given = (
+            "--seeds",
+            "3",
+            "--num-envs",
+            "7",
+            "--steps",
+            "9",
+            "--td3.gamma",
+            "0.9",
+            "--ignore",
+            "a",
+            "b",
+        )
+        config = parse_run(CompareConfig, given, "compare", "", COMPARE_COMMON)
+        learner = config.learner
+        assert (config.seeds, config.num_envs, learner.exploration_std) == (3, 7, (0.0, 1.0))
+        assert (learner.steps, learner.td3.gamma) == (9, 0.9)
+        assert learner.eval_interval_steps == CompareConfig().learner.eval_interval_steps
+        assert parse_run(RunConfig, (), "train", "", TRAIN_COMMON) == RunConfig()
+        assert parse_run(CompareConfig, (), "compare", "", COMPARE_COMMON) == CompareConfig()
 
     def test_alone_it_exits_with_2(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert main([]) == 2

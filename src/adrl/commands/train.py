@@ -5,19 +5,30 @@ from typing import TYPE_CHECKING
 
 from adrl.agents.methods import method_name
 from adrl.cli import STARTED_S
-from adrl.commands.options import load_place, parse, tell_guidance
+from adrl.commands.options import load_place, tell_guidance
 from adrl.commands.progress import console, progress_bar
+from adrl.commands.run_options import parse_run
 from adrl.outputs import require_folder
 from adrl.runs import RunConfig, run_folder, train
 
 if TYPE_CHECKING:
     from adrl.agents.interface import Progress
 
+COMMON = (
+    *("scenario", "map", "world", "robot", "method", "guidance"),
+    *("steps", "max_seconds", "seed", "out", "resume"),
+)
+"""What help shows first."""
+
 
 def main(arguments: Sequence[str]) -> int:
     """Train a policy and say where it is."""
-    config = parse(
-        RunConfig, arguments, "train", "Train a policy. Distances in m, times in s, angles in rad."
+    config = parse_run(
+        RunConfig,
+        arguments,
+        "train",
+        "Train a policy. Distances in m, times in s, angles in rad.",
+        COMMON,
     )
     require_folder("--out", config.out)
     scenario = load_place(config)

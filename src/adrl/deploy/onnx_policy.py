@@ -68,9 +68,7 @@ def load_onnx(path: Path) -> OnnxPolicy:
     try:
         import onnxruntime
     except ImportError:
-        raise MissingExtra(
-            "policies in ONNX need ONNX Runtime; install the extra: pip install 'adrl[onnxruntime]'"
-        ) from None
+        raise MissingExtra.named("onnxruntime", "a policy in ONNX") from None
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 3

@@ -54,9 +54,7 @@ def load_sb3(path: Path) -> Sb3Policy:
     try:
         from stable_baselines3.common.save_util import load_from_zip_file
     except ImportError:
-        raise MissingExtra(
-            "policies of Stable-Baselines3 need it; install the extra: pip install 'adrl[baselines]'"
-        ) from None
+        raise MissingExtra.named("baselines", "a policy of Stable-Baselines3") from None
     try:
         data, parameters, _ = load_from_zip_file(io.BytesIO(content), device="cpu")
         assert data is not None
