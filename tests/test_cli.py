@@ -157,19 +157,8 @@ class TestHelp:
 
     def test_every_option_reaches_the_run(self) -> None:
         """Of the command's own, of the groups, of the learner and of its parts."""
-        given = (
-            "--seeds",
-            "3",
-            "--num-envs",
-            "7",
-            "--steps",
-            "9",
-            "--td3.gamma",
-            "0.9",
-            "--ignore",
-            "a",
-            "b",
-        )
+        given = ("--seeds", "3", "--num-envs", "7", "--steps", "9")
+        given += ("--td3.gamma", "0.9", "--exploration-std", "0", "1")
         config = parse_run(CompareConfig, given, "compare", "", COMPARE_COMMON)
         learner = config.learner
         assert (config.seeds, config.num_envs, learner.exploration_std) == (3, 7, (0.0, 1.0))
