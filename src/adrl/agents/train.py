@@ -289,6 +289,7 @@ class _Run:
         first = unseen and self._validated_at == 0
         if first or self._logged_at < self._env_steps:
             self._write_row(evaluate=unseen)
+            self.tell()
         counts = {
             "train_seconds": seconds,
             "env_steps": self._env_steps,
