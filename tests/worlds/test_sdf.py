@@ -307,6 +307,18 @@ def test_a_file_of_countless_elements_is_refused(tmp_path: Path, monkeypatch: py
         load_sdf(tmp_path / "bad.world")
 
 
+def test_a_comment_may_hold_two_hyphens(tmp_path: Path) -> None:
+    """No XML, but Gazebo's own examples have it: the command line that runs them."""
+    comment = "<!-- gz sim\n -r --levels w.sdf -->"
+    (tmp_path / "w.world").write_text(
+        f"<sdf version='1.6'>{comment}<world name='w'>{model(CYLINDER)}</world></sdf>"
+    )
+    assert len(load_sdf(tmp_path / "w.world").circles) == 1
+    (tmp_path / "w.world").write_text(f"<sdf version='1.6'>{comment}<world name='w'>\n<&</world></sdf>")
+    with pytest.raises(WorldError, match="line 3"):
+        load_sdf(tmp_path / "w.world")
+
+
 def test_a_device_is_no_world() -> None:
     with pytest.raises(WorldError, match="no ordinary file"):
         load_sdf("/dev/zero")

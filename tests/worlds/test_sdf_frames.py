@@ -198,3 +198,17 @@ def test_right_angles_and_settled_boxes_are_rectangles(
     c, s = math.cos(expected[2]), math.sin(expected[2])
     local = (corners - (1.0, 0.0)) @ np.array([(c, -s), (s, c)])
     np.testing.assert_allclose(np.abs(local), np.tile(0.5 * np.array(expected[:2]), (4, 1)), atol=2e-3)
+
+
+def test_a_tilted_lamp_above_the_band_is_left_out_and_a_lying_pillar_is_a_rectangle(tmp_path: Path) -> None:
+    lamp = (
+        "<model name='lamp'><static>1</static><pose>1 0 2.5 0.5 0 0</pose><link name='l'>"
+        + BODY
+        + "</link></model>"
+    )
+    pillar = "<pose>1 0 0.3 1.5707963 0 0</pose><link name='l'>" + BODY + "</link>"
+    world = load(tmp_path, f"{lamp}<model name='pillar'><static>1</static>{pillar}</model>")
+    assert world.left_out == {"above 0.5 m": ("lamp",)}
+    assert len(world.circles) == 0
+    (corners,) = world.polygons
+    np.testing.assert_allclose(np.abs(corners - (1.0, 0.0)), np.tile((0.3, 0.5), (4, 1)), atol=1e-6)

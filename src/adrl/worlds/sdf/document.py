@@ -22,6 +22,7 @@ MAX_NUMBER = 1e9
 MIN_SIZE_M = 1e-6
 
 HEAD = re.compile(rb"<\?xml\s[^>]{0,200}\?>")
+COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 INVALID_TOKEN = expat.errors.codes[expat.errors.XML_ERROR_INVALID_TOKEN]
 KINDS = "give a Gazebo .world or .sdf file"
 
@@ -47,7 +48,7 @@ def parse(path: str | os.PathLike[str]) -> Element:
 
 
 def element_of(content: bytes) -> Element:
-    """The root, or an error of expat. Lenient where Gazebo is: lines before the XML head, bytes that are no UTF-8."""
+    """The root, or an error of expat. Lenient where Gazebo is: before the XML head, in comments, in encodings."""
     content = content.removeprefix(codecs.BOM_UTF8)
     head = HEAD.search(content)
     if head is not None and head.start() > 0:
@@ -57,11 +58,13 @@ def element_of(content: bytes) -> Element:
     except expat.ExpatError as error:
         if error.code != INVALID_TOKEN:
             raise
-        try:
-            content.decode("utf-8")
-        except UnicodeDecodeError:
-            return _Limited(encoding="iso-8859-1").parse(content)
-        raise
+    # Comments with -- in them; their lines stay, for what is said of other lines.
+    content = COMMENT.sub(lambda found: b"\n" * found[0].count(b"\n"), content)
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError:
+        return _Limited(encoding="iso-8859-1").parse(content)
+    return _Limited().parse(content)
 
 
 def root_of(path: Path, tag: str) -> Element:
