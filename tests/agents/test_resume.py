@@ -218,13 +218,13 @@ def test_sigkill_and_resume_in_other_processes(tmp_path: Path, never_killed: Out
     command = [sys.executable, str(tests / "resume_run.py"), str(tmp_path), str(STEPS)]
     environment = os.environ | {"PYTHONPATH": str(tests)}
     process = subprocess.Popen(command, env=environment)
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 250
     while not checkpoint.exists(tmp_path) and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.002)
     process.send_signal(signal.SIGKILL)
     assert process.wait() == -signal.SIGKILL, "it ended before it could be killed"
     assert not (tmp_path / "policy.safetensors").exists()
-    subprocess.run([*command, "resume"], env=environment, check=True, timeout=120)
+    subprocess.run([*command, "resume"], env=environment, check=True, timeout=250)
     assert outcome(tmp_path) == never_killed
 
 
@@ -241,11 +241,11 @@ def test_a_signal_leaves_a_checkpoint(tmp_path: Path, number: int, never_killed:
         assert process.stdout is not None
         assert process.stdout.readline() == b"started\n"
         process.send_signal(number)
-        errors = process.communicate(timeout=200)[1].decode()
+        errors = process.communicate(timeout=250)[1].decode()
     assert process.returncode != 0
     assert "stopping at the next safe point" in errors
     assert "--resume goes on" in errors
     assert checkpoint.exists(tmp_path)
     assert not (tmp_path / "policy.safetensors").exists()
-    subprocess.run([*command, "resume"], env=environment, check=True, timeout=200)
+    subprocess.run([*command, "resume"], env=environment, check=True, timeout=250)
     assert outcome(tmp_path) == never_killed

@@ -38,7 +38,7 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     with open(log, "wb") as stream:
         cluster = subprocess.Popen(command, stdout=stream, stderr=subprocess.STDOUT, start_new_session=True)
     try:
-        end = time.monotonic() + 90.0
+        end = time.monotonic() + 250.0
         while "Ray runtime started" not in log.read_text():
             assert time.monotonic() < end, log.read_text()
             assert cluster.poll() is None, log.read_text()
