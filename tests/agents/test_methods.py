@@ -18,8 +18,7 @@ from adrl.comparison.config import CompareConfig
 from adrl.errors import ConfigError, UnknownName
 from adrl.imitation.probe import record_probe
 from adrl.imitation.schedule import ScheduleConfig
-from adrl.runs import RunConfig, about_policy, run_folder
-from adrl.types import RobotConfig
+from adrl.runs import Run, RunConfig
 from probe_envs import PLAIN, Aim, ProbeEnv, TwoSteps, Walk, record_demonstrations
 
 STEPS = 480
@@ -74,12 +73,12 @@ def test_a_method_is_given_as_a_function_or_offered_by_an_installed_package(monk
     assert compared.run("slowly", 3, Path("run")).resolved() == replace(
         slow, seed=3, eval_interval_steps=16_000
     )
-    scenario = compared.load()
     for method, name in (("slowly", "slowly"), (slow_release, "slow-release")):
         config = RunConfig(method=method)
-        policy = about_policy(config, RobotConfig(), scenario, Path("run"))
+        run = Run.of(config)
+        policy = run.about_policy()
         assert policy.method == policy.extra["settings"]["method"] == name
-        assert run_folder(config, scenario).name == f"{name}-clutter-diffbot-goal-s0"
+        assert run.folder.name == f"{name}-clutter-diffbot-goal-s0"
     with pytest.raises(ConfigError, match="makes no TrainConfig"):
         RunConfig(method="odd")
     with pytest.raises(UnknownName, match="did you mean 'slowly'"):
@@ -100,7 +99,7 @@ def test_a_method_is_given_as_a_function_or_offered_by_an_installed_package(monk
     ],
 )
 def test_a_policy_says_whether_it_was_trained_as_printed(config: RunConfig, literal: bool):
-    policy = about_policy(config, RobotConfig(), config.load(), Path("run"))
+    policy = Run.of(config).about_policy()
     assert policy.extra["paper_literal"] is literal
 
 

@@ -19,7 +19,7 @@ from adrl.errors import ConfigError
 from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, scores, warning, world_table
 from adrl.evaluation.metrics import Episodes
 from adrl.observation import ObservationEncoder, to_twist
-from adrl.runs import RunConfig, about_policy
+from adrl.runs import Run, RunConfig
 from adrl.worlds import ROBOTS, BarnScenario
 from adrl.worlds.barn import BarnWorld, benchmark_path, field_world
 from small_run import finished_run, run_cli
@@ -186,7 +186,7 @@ def test_the_command_writes_what_it_prints(two_worlds: Path, capsys: pytest.Capt
 
 def run_folder_of(config: RunConfig, out: Path) -> Path:
     """What training with this configuration would leave, its weights zero."""
-    about = about_policy(config, JACKAL, config.load(), out)
+    about = Run.of(dataclasses.replace(config, robot=JACKAL, out=out)).about_policy()
     size = ObservationEncoder(JACKAL, config.encoder).size
     layers = [(np.zeros((a, b), np.float32), np.zeros(b, np.float32)) for a, b in ((size, 1), (1, 2))]
     MlpPolicy(layers, dataclasses.replace(about, input_size=size, widths=(1,))).save(out)

@@ -13,7 +13,7 @@ from adrl.agents.checkpoint import require_same
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.deploy.setup import training_worlds
 from adrl.errors import CheckpointError
-from adrl.runs import RunConfig, about_policy
+from adrl.runs import Run, RunConfig
 from adrl.types import World
 from adrl.worlds import ROBOTS, BarnScenario
 from adrl.worlds.barn import field_world
@@ -51,7 +51,7 @@ def folder(shared_data: Path, tmp_path: Path) -> Path:
 
 
 def config_of(run: RunConfig) -> PolicyConfig:
-    return about_policy(run, JACKAL, run.load(), Path("run"))
+    return Run.of(dataclasses.replace(run, robot=JACKAL)).about_policy()
 
 
 def test_a_run_knows_its_training_worlds_and_not_those_held_out(folder: Path) -> None:

@@ -3,13 +3,17 @@
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
 
 from adrl.bags.reader import TRANSFORM_TOPICS, TRANSFORMS, Bag
 from adrl.errors import DatasetError
 from adrl.types import Array
+
+# SciPy takes a while to import, and adrl.imitation is light.
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 
 def frame_name(name: str) -> str:
@@ -81,6 +85,8 @@ class Transforms:
         return Chain(frames=tuple(frames), links=tuple(map(self._link, frames[:-1], frames[1:])))
 
     def _link(self, frame: str, following: str) -> "Link":
+        from scipy.spatial.transform import Rotation
+
         forward = (frame, following) in self._rows
         rows = np.array(self._rows[(frame, following) if forward else (following, frame)])
         times, last = np.unique(rows[::-1, 0], return_index=True)  # of equal times the last that was told
@@ -98,13 +104,15 @@ class Link:
     """(R,) ascending."""
     translation: Array
     """(R, 3)."""
-    rotation: Rotation
+    rotation: "Rotation"
     """R of them."""
     forward: bool
     """Whether it is the child in its parent; else what is meant is the parent in the child."""
 
-    def at(self, times_s: Array) -> tuple[Array, Rotation]:
+    def at(self, times_s: Array) -> tuple[Array, "Rotation"]:
         """(T, 3) and T rotations, between the two nearest; before the first and after the last, those."""
+        from scipy.spatial.transform import Rotation, Slerp
+
         translation = np.stack([np.interp(times_s, self.times_s, x) for x in self.translation.T], axis=1)
         if len(self.times_s) == 1:
             rotation = Rotation.identity(len(times_s)) * self.rotation
@@ -123,8 +131,10 @@ class Chain:
     frames: tuple[str, ...]
     links: tuple[Link, ...]
 
-    def at(self, times_s: Array) -> tuple[Array, Rotation]:
+    def at(self, times_s: Array) -> tuple[Array, "Rotation"]:
         """(T, 3) metres and T rotations."""
+        from scipy.spatial.transform import Rotation
+
         place, turn = np.zeros((len(times_s), 3)), Rotation.identity(len(times_s))
         for link in self.links:
             step, rotation = link.at(times_s)

@@ -10,6 +10,7 @@ from adrl.baselines.planners import PLANNERS
 from adrl.commands.options import parse
 from adrl.deploy.policy import SHIPPED
 from adrl.registry import offered
+from adrl.simulators import SIMULATORS
 from adrl.types import GUIDANCE, RobotConfig
 from adrl.worlds import ROBOTS, SCENARIOS
 
@@ -31,6 +32,8 @@ def main(arguments: Sequence[str]) -> int:
     _section("guidance", dict.fromkeys(GUIDANCE, ""))
     _section("planners", _first_lines(PLANNERS))
     _section("policies", SHIPPED, "policy")
+    _section("observation components of other packages", {}, "observation component")
+    _section("simulators", dict.fromkeys(SIMULATORS, ""), "simulator")
     return 0
 
 

@@ -9,7 +9,7 @@ from adrl.commands.options import load_place, tell_guidance
 from adrl.commands.progress import console, progress_bar
 from adrl.commands.run_options import parse_run
 from adrl.outputs import require_folder
-from adrl.runs import RunConfig, run_folder, train
+from adrl.runs import Run, RunConfig, train
 
 if TYPE_CHECKING:
     from adrl.agents.interface import Progress
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str]) -> int:
         f"{result.env_steps} environment steps, {result.updates} updates, {result.episodes} episodes in "
         f"{result.train_seconds:.1f} s"
     )
-    print(run_folder(config, scenario))
+    print(Run.of(config).folder)
     return 0
 
 

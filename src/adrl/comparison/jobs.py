@@ -16,8 +16,7 @@ from adrl.comparison.config import CompareConfig
 from adrl.deploy.policy import CONFIG_FILE
 from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.results import write_table
-from adrl.runs import RunConfig, about_policy, env_maker, train, validation, with_horizon_of
-from adrl.worlds import load_robot
+from adrl.runs import Run, RunConfig, train
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -159,21 +158,19 @@ def train_baseline(
     from adrl.baselines.sb3 import train_sb3
 
     shutil.rmtree(out, ignore_errors=True)
-    scenario, robot = config.load(), load_robot(config.robot)
-    learner = with_horizon_of(config.resolved(), robot)
-    env = env_maker(config, learner, scenario, robot)(
+    run = Run.of(replace(config, out=out))
+    env = run.make_env(
         config.num_envs,
         randomize=config.randomize,
         task_priority=config.task_priority,
     )
-    about = replace(about_policy(config, robot, scenario, out), method=method)
     train_sb3(
         SB3_METHODS[method],
         env,
-        learner,
+        run.learner,
         out,
-        policy_config=about,
-        evaluate=validation(config, scenario, robot, learner),
+        policy_config=replace(run.about_policy(), method=method),
+        evaluate=run.validation(),
         start_time_s=started_s,
         tuned=tuned,
     )

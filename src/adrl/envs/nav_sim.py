@@ -6,7 +6,7 @@ No autoreset and no Gymnasium: NavVectorEnv and the evaluation's rollout are bui
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,29 +21,13 @@ from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, Step, features, terms
 from adrl.rewards.terms import STAGNATION_WINDOW
+from adrl.simulators import Body
 from adrl.types import GUIDANCE, Array, RobotConfig, Task
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp] | slice
 ALL = slice(None)
-
-
-class Body(Protocol):
-    """Moves and senses robots instead of our simulator, as Gazebo does. b: NavSim's arrays."""
-
-    @property
-    def num_envs(self) -> int:
-        """Robots it has; there may be fewer in the arrays."""
-        ...
-
-    def reset(self, indices: NDArray[np.intp], tasks: Sequence[Task], b: Mapping[str, NDArray[Any]]) -> None:
-        """Put robots at their tasks' starts; write pose, odometry, twist and ranges."""
-        ...
-
-    def step(self, b: Mapping[str, NDArray[Any]]) -> None:
-        """Drive the active robots for a control period; write these, and time, travelled and collided."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from adrl.deploy.driver import Driver
 from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import DEFAULT
 from adrl.errors import ConfigError
+from adrl.simulators import NATIVE, find_simulator
 from adrl.worlds import load_map
 from adrl.worlds.place import Place
 from adrl.worlds.ros_map import Unknown
@@ -87,8 +88,9 @@ class DriveConfig:
 class SimConfig(Place):
     """A simulated robot: it publishes what a robot does, and drives as it is told."""
 
-    simulator: Literal["native", "gazebo"] = "native"
-    """What moves and senses the robot: our simulator, or Gazebo (scripts/gazebo-chroot sets it up)."""
+    simulator: str = NATIVE
+    """What moves and senses the robot: a simulator's name (adrl list). Ours is native; scripts/gazebo-chroot sets
+    Gazebo up."""
     task: int = 0
     """Number of the test task whose world and start it has."""
     robot: str = "diffbot"
@@ -112,8 +114,7 @@ class SimConfig(Place):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.simulator not in ("native", "gazebo"):  # a parameter of the node may be any text
-            raise ConfigError(f"simulator is {self.simulator!r}; give native or gazebo")
+        find_simulator(self.simulator)
         if not 0.0 <= self.speed <= 1000.0:
             raise ConfigError(f"speed is {self.speed}; give 0 to 1000")
 

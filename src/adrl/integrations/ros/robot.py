@@ -10,8 +10,8 @@ from adrl.deploy import Odometry, Pose, Twist
 from adrl.envs import NavSim
 from adrl.envs.nav_sim import Body
 from adrl.geometry import compose, inverse
-from adrl.integrations.gazebo import Gazebo
 from adrl.integrations.ros.config import SimConfig
+from adrl.simulators import find_simulator
 from adrl.types import Array, RobotConfig, Task
 from adrl.worlds import load_robot, task_set
 
@@ -43,8 +43,8 @@ class SimulatedRobot:
         """For as long as the context lasts, as a Gazebo has to be ended. Raises AdrlError."""
         robot = load_robot(config.robot)
         task = task_set(config.load(), robot, "test", 1, first=config.task)[0]
-        in_gazebo = config.simulator == "gazebo"
-        with Gazebo(robot, seed=config.seed) if in_gazebo else contextlib.nullcontext() as body:
+        simulator = find_simulator(config.simulator)
+        with contextlib.nullcontext() if simulator is None else simulator(robot, seed=config.seed) as body:
             yield cls(task, robot, config.seed, body)
 
     @property

@@ -1,0 +1,101 @@
+"""What a training run is asked for: names and files, as the command line gives them."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import tyro
+
+from adrl.agents.config import TrainConfig
+from adrl.agents.methods import Method, method_config, method_name
+from adrl.errors import ConfigError
+from adrl.observation import EncoderConfig
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.rewards.config import STANDING_AT_WORST
+from adrl.simulators import NATIVE, find_simulator
+from adrl.types import RobotConfig
+from adrl.worlds.place import Place
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunConfig(Place):
+    """A training run. Give steps or max_seconds in the learner's configuration."""
+
+    robot: Annotated[str | RobotConfig, tyro.conf.arg(constructor=str)] = "diffbot"
+    """A robot's name (adrl list), a TOML file, or the object."""
+    method: Annotated[str | Method, tyro.conf.arg(constructor=str)] = "adrl"
+    """A training method's name (adrl list), or the function."""
+    paper_literal: bool = False
+    """Compute every equation as the paper prints it, whatever the method."""
+    guidance: str | None = None
+    """goal: the policy sees the final goal; replan: that, and waypoints of its own map when blocked (eqs 18-23);
+    map: a waypoint on the A* path of the known map. Left out: map with --map or --world, else goal."""
+    replanner: ReplannerConfig = field(default_factory=ReplannerConfig)
+    env: str = NATIVE
+    """What moves and senses the robots of training: a simulator's name (adrl list). Ours is native; the others do not
+    randomise, and Gazebo is set up by scripts/gazebo-chroot. Probe and validation are in ours either way."""
+    fine_tune: Path | None = None
+    """Run folder of a policy to begin with, or default: fine-tuning. It is held until the critics are warm, see
+    critic_warmup_updates."""
+    out: Path | None = None
+    """Run folder; runs/METHOD-SCENARIO-ROBOT-GUIDANCE-sSEED when left out."""
+    resume: bool = False
+    """Go on from the newest checkpoint in the run folder; give the same options again."""
+    num_envs: int = 64
+    """Robots simulated side by side."""
+    task_pool: int = 512
+    """Worlds to train in, the first ones of the training split."""
+    task_priority: ClassVar[float] = 1.0
+    """Draw tasks that failed lately more often: chances are 0.1 + task_priority * failure rate; 0 for all alike."""
+    demonstration_steps: int = 10_000
+    """Environment steps of A*+DWA demonstrations to collect."""
+    dataset: Path | None = None
+    """Minari dataset of demonstrations to use instead of collecting them."""
+    validation_episodes: int = 100
+    """Validation tasks of each evaluation during training, every learner.eval_interval_steps."""
+    randomize: bool = True
+    """Vary robots and sensors mildly from episode to episode."""
+    encoder: EncoderConfig = field(default_factory=EncoderConfig)
+    learner: Annotated[TrainConfig, tyro.conf.arg(name="")] = field(default_factory=TrainConfig)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        find_simulator(self.env)
+        if self.env != NATIVE and self.resume:
+            raise ConfigError(f"a run in {self.env} cannot be resumed: it keeps no state; start another")
+        for name in ("num_envs", "task_pool", "validation_episodes"):
+            if getattr(self, name) < 1:
+                raise ConfigError(f"{name} is {getattr(self, name)}; give 1 or more")
+        learner = self.resolved()
+        _check_horizon(learner)
+        if self.dataset is not None and not learner.schedule.imitates:
+            raise ConfigError(
+                f"method {method_name(self.method)!r} learns without demonstrations; leave out dataset"
+            )
+        if self.demonstration_steps < 0:
+            raise ConfigError(f"demonstration_steps is {self.demonstration_steps}; give 0 or more")
+
+    def resolved(self) -> TrainConfig:
+        """The learner's configuration as the method has it, under the run's guidance."""
+        learner = method_config(self.method, self.learner)
+        learner = replace(learner, schedule=learner.schedule.under(self.resolved_guidance()))
+        return learner.literal() if self.paper_literal else learner
+
+    def resolved_guidance(self) -> str:
+        """The guidance that was given, or the place's own."""
+        return self.guidance or self.default_guidance
+
+    def resolved_replanner(self) -> ReplannerConfig:
+        """The replanner's constants, as printed where all is."""
+        return self.replanner.literal() if self.paper_literal else self.replanner
+
+
+def _check_horizon(learner: TrainConfig) -> None:
+    """A crash must stay worse than standing for ever, or the policy learns to crash (corrected forms)."""
+    gamma, reward = learner.td3.gamma, learner.reward
+    standing = STANDING_AT_WORST / max(1.0 - gamma, 1e-9)
+    if standing >= reward.failure_weight * reward.failure_penalty:
+        raise ConfigError(
+            f"td3.gamma is {gamma}: standing in the worst place for ever costs {standing:.0f}, no less than "
+            f"a crash; give a smaller gamma, or reward.failure_weight above {standing / reward.failure_penalty:.2f}"
+        )

@@ -1,0 +1,84 @@
+"""What a run says of itself: with its policy, and in its folder."""
+
+import json
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from importlib import metadata
+from typing import TYPE_CHECKING
+
+from adrl.agents.methods import method_name
+from adrl.deploy.policy import PolicyConfig
+from adrl.deploy.setup import training_worlds
+from adrl.imitation import recorded_worlds
+from adrl.simulators import NATIVE
+from adrl.worlds.given import training_fingerprints
+
+if TYPE_CHECKING:
+    from adrl.runs.run import Run
+
+VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "gymnasium", "safetensors")
+
+
+def versions() -> dict[str, str]:
+    """What the run was made with."""
+    return {"python": platform.python_version(), "machine": platform.machine()} | {
+        name: metadata.version(name) for name in VERSIONED
+    }
+
+
+def about_policy(run: "Run", setup_seconds: Mapping[str, float] | None = None) -> PolicyConfig:
+    """What is saved with the policy; the learner fills in the sizes and what training took.
+
+    setup_seconds: wall clock of what came before the first update, told apart.
+    """
+    config, learner, name = run.config, run.learner, method_name(run.config.method)
+    settings = asdict(replace(config, robot=run.robot.name, guidance=run.guidance)) | {"method": name}
+    replans_as_printed = run.guidance != "replan" or run.replanner == run.replanner.literal()
+    return PolicyConfig(
+        input_size=1,  # set by the learner, as is the next
+        widths=learner.td3.widths,
+        robot=asdict(run.robot),
+        encoder=run.encoder.fields(),
+        guidance=run.guidance,
+        method=name,
+        extra={
+            "environment": {
+                "scenario": run.scenario.name,
+                "num_envs": config.num_envs,
+                "task_pool": config.task_pool,
+                "task_priority": config.task_priority,
+                "randomize": config.randomize and config.env == NATIVE,
+                **({"simulator": config.env} if config.env != NATIVE else {}),
+                **({"fine_tune": str(config.fine_tune)} if config.fine_tune is not None else {}),
+                **_worlds(run),
+                "replanner": asdict(run.replanner),
+            },
+            "run": run.folder.name,
+            # Of the weights that a replay shows; maturity None: the policy's own.
+            "reward": {
+                "constants": asdict(learner.reward)
+                | {"extra_terms": list(map(str, learner.reward.extra_terms))},
+                "maturity": None if learner.dynamic_reward else learner.static_maturity,
+            },
+            **(setup_seconds or {}),
+            "scenario": run.scenario.name,
+            "paper_literal": learner == learner.literal() and replans_as_printed,
+            "settings": json.loads(json.dumps(settings, default=str)),
+        },
+    )
+
+
+def _worlds(run: "Run") -> dict[str, list[str] | None]:
+    """The entry that says which given worlds the policy has learned from, by fingerprint: None where a part of what it
+    learns from does not say. No entry for a run that has drawn ones alone.
+    """
+    sources: list[set[str] | None] = [training_fingerprints(run.scenario)]
+    if run.start is not None:
+        sources.append(training_worlds(run.start.config))
+    if run.config.dataset is not None:
+        sources.append(recorded_worlds(run.config.dataset))
+    if sources == [set()]:
+        return {}
+    known = [worlds for worlds in sources if worlds is not None]
+    return {"worlds": sorted(set().union(*known)) if len(known) == len(sources) else None}

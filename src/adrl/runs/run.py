@@ -1,0 +1,123 @@
+"""A training run, resolved: objects, nothing left to look up. Made once, at the door, and handed on."""
+
+import functools
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Self
+
+from adrl.agents.config import TrainConfig
+from adrl.agents.interface import Validation
+from adrl.agents.methods import method_name
+from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy, resolve_policy
+from adrl.envs import NavVectorEnv
+from adrl.evaluation.metrics import success_rate
+from adrl.evaluation.rollout import Rewards, rollout
+from adrl.observation import EncoderConfig
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.rewards.step import reference_period_s
+from adrl.runs.config import RunConfig
+from adrl.runs.record import about_policy
+from adrl.simulators import Simulator, find_simulator
+from adrl.types import RobotConfig, Scenario, Task
+from adrl.worlds import load_robot, task_set
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Run:
+    """What a run is made of."""
+
+    config: RunConfig
+    """As it was asked for: sizes, budgets and files."""
+    scenario: Scenario
+    robot: RobotConfig
+    learner: TrainConfig
+    """As the method has it, with the discount of the robot's control period."""
+    guidance: str
+    replanner: ReplannerConfig
+    encoder: EncoderConfig
+    simulator: Simulator | None
+    """None for ours."""
+    start: MlpPolicy | None
+    """The policy that fine-tuning begins with."""
+    folder: Path
+
+    @classmethod
+    def of(cls, config: RunConfig) -> Self:
+        """Look up all that the configuration names. Raises AdrlError."""
+        scenario, robot = config.load(), load_robot(config.robot)
+        guidance = config.resolved_guidance()
+        return cls(
+            config=config,
+            scenario=scenario,
+            robot=robot,
+            learner=_with_horizon_of(config.resolved(), robot),
+            guidance=guidance,
+            replanner=config.resolved_replanner(),
+            encoder=config.encoder,
+            simulator=find_simulator(config.env),
+            start=None if config.fine_tune is None else load_policy(resolve_policy(config.fine_tune)),
+            folder=config.out or _default_folder(config, scenario, robot, guidance),
+        )
+
+    def make_env(self, num_envs: int, **options: Any) -> NavVectorEnv:
+        """The environment of training, with the learner's reward and first S. options: of NavVectorEnv."""
+        learner = self.learner
+        given = {
+            "scenario": self.scenario,
+            "robot": self.robot,
+            "guidance": self.guidance,
+            "replanner": self.replanner,
+            "task_pool": self.config.task_pool,
+            "task_priority": 0.0,
+            "encoder": self.encoder,
+            "reward_config": learner.reward,
+            "maturity": 0.0 if learner.measures_maturity else learner.static_maturity,
+        }
+        return NavVectorEnv(num_envs, **given | options)
+
+    def about_policy(self, **setup_seconds: float) -> PolicyConfig:
+        """What is saved with the policy; see about_policy."""
+        return about_policy(self, setup_seconds)
+
+    def validation(self) -> Callable[[MlpPolicy, float], Validation]:
+        """Drives the first validation tasks, drawn when first asked for."""
+        learner = self.learner
+
+        @functools.cache
+        def tasks() -> list[Task]:
+            return task_set(self.scenario, self.robot, "validation", self.config.validation_episodes)
+
+        def evaluate(policy: MlpPolicy, maturity: float) -> Validation:
+            result = rollout(
+                policy,
+                tasks(),
+                self.robot,
+                guidance=self.guidance,
+                encoder=self.encoder,
+                num_threads=1,
+                replanner=self.replanner,
+                maturity=policy.config.maturity,
+                rewards=Rewards(config=learner.reward, gamma=learner.td3.gamma, maturity=maturity),
+            )
+            return Validation(
+                success=success_rate(result.episodes),
+                start=result.start,
+                discounted_return=float(result.discounted_return.mean()),
+            )
+
+        return evaluate
+
+
+def _with_horizon_of(learner: TrainConfig, robot: RobotConfig) -> TrainConfig:
+    """The learner with gamma for the robot: control periods differ, and slow robots look ahead for longer."""
+    gamma = learner.td3.gamma ** (robot.control_period_s / reference_period_s(robot.max_speed_mps))
+    return replace(learner, td3=replace(learner.td3, gamma=gamma))
+
+
+def _default_folder(config: RunConfig, scenario: Scenario, robot: RobotConfig, guidance: str) -> Path:
+    """Its name tells what the run is."""
+    parts = (method_name(config.method), scenario.name, robot.name, guidance)
+    name = "-".join(re.sub(r"[^\w.-]+", "-", part) for part in parts)
+    return Path("runs") / f"{name}-s{config.learner.seed}"

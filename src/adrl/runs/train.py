@@ -1,0 +1,152 @@
+"""A training run from nothing: worlds, demonstrations, probe, learner, validation, and its folder."""
+
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
+
+from adrl import files
+from adrl.agents import budget, checkpoint
+from adrl.agents.interface import Progress, TrainResult
+from adrl.agents.methods import method_name
+from adrl.envs import Body, NavVectorEnv
+from adrl.errors import ConfigError
+from adrl.imitation import Demonstrations, Source, collect, load_minari
+from adrl.imitation.probe import Probe, probe_steps, record_probe
+from adrl.outputs import locked, require_folder
+from adrl.runs.config import RunConfig
+from adrl.runs.record import versions
+from adrl.runs.run import Run
+from adrl.signals import stop_requests
+
+PROBE_STATES = 32
+"""Each is driven from twice: at random, and by the expert."""
+RUN_FILES = ("versions.json", "metrics.jsonl", "policy.safetensors", checkpoint.FOLDER)
+"""One of these stands in the folder of a run."""
+Hook = Callable[[Progress], None]
+
+
+def train(
+    config: RunConfig,
+    *,
+    on_progress: Hook | None = None,
+    start_time_s: float | None = None,
+) -> TrainResult:
+    """Train a policy and leave it in the run folder.
+
+    start_time_s: of time.monotonic(); max_seconds counts from there. Raises AdrlError; what a run folder already
+    holds is not touched unless resume is asked for.
+    """
+    start_time_s = time.monotonic() if start_time_s is None else start_time_s
+    budget.require_end(config.learner)
+    run = Run.of(config)
+    require_folder("out", run.folder, *RUN_FILES)
+    resumed = checkpoint.exists(run.folder)
+    if not config.resume:
+        _require_no_run(run, resumed)
+    elif resumed and config.guidance is None:
+        guidance = checkpoint.settings(run.folder).get("guidance")
+        run = Run.of(replace(config, guidance=guidance, out=run.folder))
+    tell = _teller(config, on_progress, start_time_s)
+    with locked(run.folder), _robots(run) as body:
+        tell("worlds")
+        env = run.make_env(
+            config.num_envs,
+            randomize=config.randomize and body is None,
+            task_priority=config.task_priority,
+            body=body,
+        )
+        return _train(run, env, resumed, tell, on_progress, start_time_s)
+
+
+def _require_no_run(run: Run, resumed: bool) -> None:
+    if (run.folder / "policy.safetensors").exists():
+        raise ConfigError(
+            f"{run.folder} holds a finished run; give another --out, or --resume to train it for longer"
+        )
+    if resumed:
+        raise ConfigError(
+            f"{run.folder} holds an unfinished run; give --resume to go on with it, or another --out"
+        )
+
+
+def _teller(config: RunConfig, on_progress: Hook | None, start_time_s: float) -> Callable[[str], None]:
+    """Tells a phase of the set-up to the progress hook."""
+
+    def tell(phase: str) -> None:
+        if on_progress is not None:
+            wall_s = time.monotonic() - start_time_s
+            fraction = budget.spent_fraction(config.learner, 0, wall_s)
+            on_progress(Progress(phase=phase, fraction=fraction, wall_s=wall_s))
+
+    return tell
+
+
+def _robots(run: Run) -> AbstractContextManager[Body | None]:
+    """What moves the robots of training, as a context; None for our simulator."""
+    if run.simulator is None:
+        return nullcontext()
+    return run.simulator(run.robot, run.config.num_envs, seed=run.learner.seed)
+
+
+def _train(
+    run: Run,
+    env: NavVectorEnv,
+    resumed: bool,
+    tell: Callable[[str], None],
+    on_progress: Hook | None,
+    start_time_s: float,
+) -> TrainResult:
+    """The run in its environment."""
+    began_s = time.monotonic()
+    tell("demonstrations")
+    demonstrations = _demonstrations(run, env) if run.learner.schedule.imitates else None
+    demonstrated_s = time.monotonic()
+    probe = None
+    if run.learner.measures_maturity and run.learner.schedule.needs_probe:
+        tell("probe")
+        probe = _probe(run)
+    about = run.about_policy(
+        demonstration_seconds=demonstrated_s - began_s, probe_seconds=time.monotonic() - demonstrated_s
+    )
+    if not resumed:
+        files.write_json(run.folder / "versions.json", versions())
+
+    from adrl.agents.train import train as learn
+
+    # Another simulator's own processes end with the same signals, and keep no state to go on from.
+    requests = stop_requests() if run.simulator is None else nullcontext(lambda: False)
+    with requests as stopped:
+        return learn(
+            run.learner,
+            env,
+            run.folder,
+            policy_config=about,
+            demonstrations=demonstrations,
+            probe=probe,
+            mirror=env.sim.encoder.mirror,
+            start=run.start,
+            evaluate=run.validation(),
+            on_progress=on_progress,
+            start_time_s=start_time_s,
+            resume=run.config.resume,
+            stopped=stopped,
+        )
+
+
+def _probe(run: Run) -> Probe:
+    # Few tasks: a random policy's crashes would call for ever new ones, each to be made.
+    task_pool = min(run.config.task_pool, PROBE_STATES)
+    env = run.make_env(2 * PROBE_STATES, randomize=False, task_pool=task_pool)
+    return record_probe(env, run.learner.seed, probe_steps(run.learner.td3.gamma))
+
+
+def _demonstrations(run: Run, env: NavVectorEnv) -> Demonstrations:
+    config = run.config
+    if config.dataset is not None:
+        return load_minari(config.dataset, Source.of(env))
+    if config.demonstration_steps == 0:
+        raise ConfigError(
+            f"method {method_name(config.method)!r} needs demonstrations; demonstration_steps is 0"
+        )
+    return collect(env, config.demonstration_steps, seed=config.learner.seed)
