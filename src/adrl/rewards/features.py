@@ -1,7 +1,7 @@
 """The features that set the weights (section III-B-2). The paper names three; the formulas are ours."""
 
 from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,8 @@ class Constants(Protocol):
     @property
     def safe_clearance_m(self) -> float: ...
 
-    @property
-    def near_goal_m(self) -> float: ...
-
-    @property
-    def stagnation_fraction(self) -> float: ...
+    near_goal_m: ClassVar[float]
+    stagnation_fraction: ClassVar[float]
 
     def features(self) -> Mapping[str, Feature]:
         """All of a reward: FEATURES, and those that its extra terms bring."""
