@@ -19,14 +19,15 @@ Fan make_fan(const Ranges &ranges, const FanOf &of) {
 
 Returned<double> misfits(const Ranges &seen, const FanOf &seen_fan, const Ranges &surface, const FanOf &surface_fan,
                          const In<double, Rows3> &motions, double scale, int stride) {
-    const Fan fan = make_fan(seen, seen_fan), other = make_fan(surface, surface_fan);
+    const Fan fan = make_fan(seen, seen_fan), under = make_fan(surface, surface_fan);
     require_all_finite(motions, "motions");
     if (!(scale > 0.0) || stride < 1) throw nb::value_error("scale_m or stride is not positive");
     double *out = nullptr;
     auto result = new_array<double>({motions.shape(0), 2}, out);
     const nb::gil_scoped_release release;
+    const Overlay overlay(fan, under, scale, stride);
     for (std::size_t i = 0; i < motions.shape(0); ++i) {
-        const Misfit found = misfit(fan, other, {motions(i, 0), motions(i, 1), motions(i, 2)}, scale, stride);
+        const Misfit found = overlay.misfit({motions(i, 0), motions(i, 1), motions(i, 2)});
         out[2 * i] = found.mean;
         out[2 * i + 1] = found.points;
     }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "world/geometry.hpp"
 
@@ -20,10 +21,25 @@ struct Misfit {
     int points = 0;    // that were compared
 };
 
-// What `seen` hit, moved by `motion` (the pose of its sensor in the frame of the other's), against the surface that
-// `surface` has hit: the line through two neighbouring hits, or the nearer one where they are of two things. Each point
-// counts by its distance from there as a share of `scale`, at most 1; 1 too where the surface's beams have passed it.
-// What only one of them tells of is left out. Every `stride`th beam is taken.
-Misfit misfit(const Fan &seen, const Fan &surface, const Pose &motion, double scale, int stride);
+// One scan laid over another.
+class Overlay {
+  public:
+    // Of `seen` every `stride`th beam is taken. A point counts by its distance from the surface as a share of `scale`.
+    Overlay(const Fan &seen, const Fan &surface, double scale, int stride);
+
+    // What `seen` hit, moved by `motion` (the pose of its sensor in the frame of the other's), against the surface that
+    // `surface` has hit: the line through two neighbouring hits, or the nearer one where they are of two things. Each
+    // point counts at most 1, as it does where the surface's beams have passed it. What only one of the two tells of
+    // is left out.
+    Misfit misfit(const Pose &motion) const;
+
+  private:
+    double distance(Vec2 p) const;
+
+    Fan surface_;
+    double scale_;
+    double turn_; // beams of the surface to a full circle
+    std::vector<Vec2> seen_, hits_;
+};
 
 } // namespace adrl

@@ -167,10 +167,16 @@ def test_rolling_is_how_the_simulator_moves():
 # --- sensors ------------------------------------------------------------------------------------------------
 
 
+def corridor(stamp_s: float) -> Array:
+    """(K,) ranges in a corridor, 3 m wide, which looks the same all along; yet no two scans are the same."""
+    across = np.maximum(np.abs(np.sin(np.linspace(-math.pi, math.pi, 180, endpoint=False))), 1e-9)
+    return np.minimum(1.5 / across, 6.0) + 1e-3 * math.sin(stamp_s)
+
+
 def a_scan(stamp_s: float, ranges: Array | None = None, **changes: Any) -> Scan:
     beams = 180
     fields = dict(
-        ranges=np.full(beams, 3.0) + 1e-3 * math.sin(stamp_s) if ranges is None else ranges,
+        ranges=corridor(stamp_s) if ranges is None else ranges,
         angle_min_rad=-math.pi,
         angle_increment_rad=2.0 * math.pi / beams,
         range_min_m=0.1,
@@ -178,12 +184,6 @@ def a_scan(stamp_s: float, ranges: Array | None = None, **changes: Any) -> Scan:
         stamp_s=stamp_s,
     )
     return Scan(**(fields | changes))  # pyright: ignore
-
-
-def corridor(stamp_s: float) -> Array:
-    """(K,) ranges in a corridor, 3 m wide, which looks the same all along; yet no two scans are the same."""
-    across = np.maximum(np.abs(np.sin(np.linspace(-math.pi, math.pi, 180, endpoint=False))), 1e-9)
-    return np.minimum(1.5 / across, 6.0) + 1e-3 * math.sin(stamp_s)
 
 
 def an_odometry(stamp_s: float, x_m: float | None = None, twist: Twist = (0.5, 0.0)) -> Odometry:
@@ -200,8 +200,9 @@ def under_way(supervisor: Supervisor, periods: int = 10) -> float:
 
 
 NOTHING = np.full(180, np.nan)
-HOLE = np.where(np.arange(180) < 30, np.nan, 3.0)
-FEW = np.where(np.arange(180) % 4 == 0, 3.0, np.nan)
+HOLE = np.where(np.arange(180) < 30, np.nan, corridor(0.0))
+HOLE_BEHIND = np.where(np.abs(np.arange(180) - 90) > 75, np.nan, corridor(0.0))
+FEW = np.where(np.arange(180) % 4 == 0, corridor(0.0), np.nan)
 
 
 @pytest.mark.parametrize(("turns_hz", "stale"), [(5.5, False), (7.0, False), (10.0, False), (4.0, True)])
@@ -213,7 +214,7 @@ def test_a_lidar_that_turns_slower_than_the_robot_decides_is_stale_when_its_last
     for k in range(10, 100):
         now_s, scan = 0.1 * k, None
         while begins_s + turn_s <= now_s:
-            scan = a_scan(begins_s, corridor(begins_s), time_increment_s=turn_s / 180)
+            scan = a_scan(begins_s, time_increment_s=turn_s / 180)
             begins_s += turn_s
         faults += supervisor.watch(scan, an_odometry(now_s), now_s)
     assert set(faults) == ({"scan_stale"} if stale else set())
@@ -242,7 +243,7 @@ def test_a_pose_of_whole_numbers_is_one():
         ("scan_invalid", {"time_increment_s": -1e-3}),
         ("scan_invalid", {"time_increment_s": math.nan}),
         ("scan_sparse", {"ranges": HOLE}),
-        ("scan_sparse", {"ranges": np.roll(HOLE, -15)}),
+        ("scan_sparse", {"ranges": HOLE_BEHIND}),
         ("scan_sparse", {"ranges": FEW}),
         ("clock_jumped", {"stamp_s": 1e4}),
     ],
@@ -321,6 +322,36 @@ def test_a_base_that_does_not_move_is_not_driven_for_ever_and_is_tried_again():
         sent.append(twist[0] > 0.0)
     assert 0.1 < np.mean(sent) < 0.6
     assert any(sent[-20:])
+
+
+@pytest.mark.parametrize("said", [lambda yaw: 0.0, lambda yaw: -0.4, lambda yaw: 0.4 * math.cos(yaw)])
+@pytest.mark.parametrize("yaw_rad", [2.0, -1.7, 3.0])
+def test_poses_decide_what_the_robot_does(said: Callable[[float], float], yaw_rad: float):
+    """It drives 0.4 m/s along its heading; the twist is 0, reversed, or one of the odometry's frame. It is told, and
+    the robot may go on as fast as it goes."""
+    supervisor, odd, twist = Supervisor(DIFFBOT), [], (0.0, 0.0)
+    for k in range(20):
+        now_s = 0.1 * k
+        x, y = 0.04 * k * math.cos(yaw_rad), 0.04 * k * math.sin(yaw_rad)
+        odometry = Odometry(pose=(x, y, yaw_rad), twist=(said(yaw_rad), 0.0), stamp_s=now_s)
+        assert supervisor.watch(a_scan(now_s), odometry, now_s) == ()
+        twist, reasons = supervisor.limit((0.4, 0.0), now_s)
+        odd.append("odometry_contradicts" in reasons)
+    assert all(odd[10:])
+    assert twist == pytest.approx((0.4, 0.0))
+    assert supervisor.newest()[1].twist == pytest.approx((0.4, 0.0))
+
+
+def test_a_twist_that_is_right_contradicts_nothing():
+    """Nor one that is noisy, or of odometry that drifts, stands and turns."""
+    rng, supervisor = np.random.default_rng(0), Supervisor(DIFFBOT)
+    pose = np.zeros((1, 3))
+    for k in range(300):
+        v, w = 0.25 + 0.25 * math.sin(0.05 * k), math.sin(0.1 * k)
+        noisy = Odometry(pose=tuple(pose[0].tolist()), twist=(v + rng.normal(0.0, 0.05), w), stamp_s=0.1 * k)
+        supervisor.watch(None, noisy, 0.1 * k)
+        assert "odometry_contradicts" not in supervisor.cautions
+        pose = _core.integrate(pose, np.array([[1.05 * v, 0.95 * w]]), 0.1)
 
 
 def test_a_base_that_another_drove_is_taken_over_as_if_it_had_been_ours():

@@ -28,6 +28,8 @@ WATCHDOG = 2
 """Periods without a command after which a base stops by itself."""
 SPARE = 2.0
 """Of a task's time limit: who stands for a while still has the time to arrive."""
+MOVED_M, STANDS_S = 0.02, 40.0
+"""Who has not moved for so long does not arrive any more."""
 TOUCH_M = 0.05
 """A hit is one with a moving disc when it is as near as this."""
 
@@ -105,9 +107,17 @@ class _Robot:
         self.navigator.set_goal(task.goal)
         self.age = WATCHDOG
         """Periods since the base was told anything."""
+        self.moved_m, self.moved_s = 0.0, 0.0
+        """How far it had come when it moved last, and when that was."""
         self.outcome: Outcome | None = None
         self.reasons: Counter[str] = Counter()
         self.sees = _without_glass(task.world, seed) if self.fault.glass else None
+
+    def is_late(self, travelled_m: float, time_s: float) -> bool:
+        """Whether it has used up its time, or stands for good."""
+        if travelled_m > self.moved_m + MOVED_M:
+            self.moved_m, self.moved_s = travelled_m, time_s
+        return time_s >= SPARE * self.task.time_limit_s or time_s - self.moved_s > STANDS_S
 
 
 def _drive(names: Sequence[str], robot: RobotConfig, scenario: str, tasks: dict[int, Task]) -> list[Drive]:
@@ -127,7 +137,7 @@ def _drive(names: Sequence[str], robot: RobotConfig, scenario: str, tasks: dict[
             one = robots[i]
             if sim.b["collided"][i]:
                 one.outcome = "hit_moving" if _moving_near(sim, i, one.task.world) else "hit_standing"
-            elif one.outcome is None and step * period_s >= SPARE * one.task.time_limit_s:
+            elif one.outcome is None and one.is_late(float(sim.b["travelled"][i]), step * period_s):
                 one.outcome = "timeout"
             if one.outcome is not None:
                 sim.b["active"][i] = 0

@@ -6,6 +6,7 @@ that is turned or mirrored. A robot at rest, and surroundings that look alike fr
 nobody.
 """
 
+import dataclasses
 import math
 from collections import deque
 from collections.abc import Callable
@@ -17,25 +18,27 @@ from adrl import _core
 from adrl.deploy.evidence import Evidence
 from adrl.deploy.lidar import readings
 from adrl.deploy.messages import Pose, Reason, Scan
-from adrl.geometry import compose, inverse
 from adrl.types import Array, RobotConfig
 
 LATES = (0, 1, 2, 3, 4, -1, -2)
 """Control periods that scans are looked for to be late by; below 0 it is the odometry that is."""
 BACK_S = (0.3, 0.8)
-"""A scan is compared with those of about so long ago."""
+"""A scan is compared with one of about so long ago; these in turn."""
 SCALE_M = 0.1
 """Where a point lies so far off its surface, or farther, it fits no more."""
 NOISE_STDS = 4.0
 """The same in standard deviations of the LiDAR's noise, if that is more."""
 POINTS, FEWEST = 90, 12
 """Points of a scan that are compared, about; fewer than this tell nothing."""
+DRIFTS = np.array([[1.0, 1.0, 1.0], [0.9, 0.9, 1.0], [1.1, 1.1, 1.0], [1.0, 1.0, 0.9], [1.0, 1.0, 1.1]])
+"""Odometry's ways and turns may be wrong by so much: the belief is as good as the best of these."""
 APART_M, APART_RAD = 0.01, 0.01
 """Motions nearer to each other than this are not told apart."""
 SLACK, MOST, ENOUGH = 0.04, 0.3, 1.0
 """Of Evidence. MOST is what two scans can have to say: it takes several."""
-DOUBT = 0.1
-"""Of ENOUGH: from here on a scan adds to what is known of the surroundings, but takes nothing away."""
+DOUBT, CALM = 0.1, 5
+"""From this evidence on, until so many comparisons in a row have given less, a scan adds to what is known of the
+surroundings, but takes nothing away."""
 SURE = 3.0
 """Evidence for the mount as configured after which others are not considered any more."""
 HELD_S, LONGEST_HELD_S = 1.0, 30.0
@@ -45,11 +48,11 @@ TURNS_RAD = (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi)
 
 @dataclass(frozen=True, eq=False)
 class _Past:
-    """A scan, and where odometry says the robot was then, and so many periods earlier as LATES has."""
+    """A scan, and (D, 3) where odometry says the robot was so many periods earlier as LATES has."""
 
     scan: Scan
     ranges: Array
-    poses: tuple[Pose, ...]
+    poses: Array
     late: int
     """Number in LATES of what was believed."""
 
@@ -73,12 +76,15 @@ class Alignment:
     def forget(self) -> None:
         """The odometry's frame is another now."""
         self._past: deque[_Past] = deque()
+        self._turn = 0
         self._evidence.forget()
         self._late = 0
         self._held_until_s = -math.inf
         self._held_s = HELD_S
         self._alive = 0.0
         """Evidence against a frozen scan, since the last one was."""
+        self._calm = CALM
+        """Comparisons in a row that gave no rise to doubt."""
 
     @property
     def late_s(self) -> float:
@@ -87,8 +93,8 @@ class Alignment:
 
     @property
     def doubtful(self) -> bool:
-        """Whether there is a suspicion, or more than one, against the newest scan."""
-        return bool(self._evidence.sums.max() > DOUBT) or self._held_s > HELD_S
+        """Whether there is a suspicion against the newest scans, or was lately."""
+        return self._calm < CALM
 
     def reasons(self, now_s: float) -> tuple[Reason, ...]:
         """To stand."""
@@ -96,103 +102,107 @@ class Alignment:
             return ("mount",)
         return ("scan_frozen",) if now_s < self._held_until_s else ()
 
-    def take(self, scan: Scan, pose_at: Callable[[float], Pose], base_late_s: float) -> Scan | None:
-        """A new scan, and where odometry says the robot was at a time. base_late_s: odometry is no later than the base
-        seems to be. If the scan is found to be frozen: the scan of before that, as far as it is still known."""
+    def take(self, scan: Scan, pose_at: Callable[[float], Pose], base_late_s: float) -> bool:
+        """A new scan, and where odometry says the robot was at a time; whether it is found now to be frozen.
+
+        base_late_s: odometry is no later than the base seems to be.
+        """
         ranges, told = readings(scan, zero_is_free=self._zero_is_free)
         ranges = np.where(told, ranges, np.nan)
         lates_s = [late * self._period_s for late in LATES]
-        poses = tuple(pose_at(scan.stamp_s - (s if s > -base_late_s - 1e-6 else 0.0)) for s in lates_s)
-        new = _Past(scan, ranges, poses, self._late)
+        poses = np.array([pose_at(scan.stamp_s - (s if s > -base_late_s - 1e-6 else 0.0)) for s in lates_s])
         while self._past and self._past[0].scan.stamp_s < scan.stamp_s - BACK_S[-1] - self._period_s:
             self._past.popleft()
-        found = None
-        for past in self._compared(scan.stamp_s):
-            found = self._compare(new, past)
-            if found is not None:
-                break
-        if found is None:
-            self._past.append(new)
-            return None
-        oldest = self._past[0].scan
-        self._conclude(found, scan.stamp_s)
-        return oldest if found == self._frozen else None
+        past, new = self._past_to_compare(scan.stamp_s), _Past(scan, ranges, poses, self._late)
+        found = None if past is None else self._compare(new, past)
+        if found is not None:
+            self._conclude(found, scan.stamp_s)
+        self._past.append(dataclasses.replace(new, late=self._late))
+        return found == self._frozen
 
-    def _compared(self, stamp_s: float) -> list[_Past]:
-        """The scans of about BACK_S ago."""
-        chosen: list[_Past] = []
-        for back_s in BACK_S:
-            old = [
-                past for past in self._past if past.scan.stamp_s <= stamp_s - back_s + 0.5 * self._period_s
-            ]
-            if old and not (chosen and chosen[-1] is old[-1]):
-                chosen.append(old[-1])
-        return chosen
+    def _past_to_compare(self, stamp_s: float) -> _Past | None:
+        """The scan of about one of BACK_S ago, these in turn."""
+        self._turn = (self._turn + 1) % len(BACK_S)
+        for back_s in (BACK_S[self._turn], BACK_S[0]):
+            until_s = stamp_s - back_s + 0.5 * self._period_s
+            old = [past for past in self._past if past.scan.stamp_s <= until_s]
+            if old:
+                return old[-1]
+        return None
 
     def _compare(self, new: _Past, past: _Past) -> int | None:
         """Weigh two scans; the number of the explanation that has to be believed from now on, None for none."""
-        belief = between(past.poses[past.late], new.poses[self._late])
-        motions = [between(past.poses[past.late], pose) for pose in new.poses]
-        motions += [between(*pair) for pair in zip(past.poses, new.poses, strict=True)]
-        motions.append((0.0, 0.0, 0.0))
-        seen = [self._seen(motion) for motion in [belief, *motions]]
-        if self._mount_sure < SURE:
-            seen += [self._seen(belief, *mount) for mount in self._mounts]
-        rows = np.array(seen)
-        apart = (np.hypot(*(rows[:, :2] - rows[0, :2]).T) > APART_M) | (
-            np.abs(np.remainder(rows[:, 2] - rows[0, 2] + math.pi, 2.0 * math.pi) - math.pi) > APART_RAD
+        motions = np.concatenate(
+            [between(past.poses[past.late], new.poses), between(past.poses, new.poses), np.zeros((1, 3))]
         )
-        if not apart.any():
+        belief = motions[self._late] * DRIFTS
+        seen = [self._seen(belief), self._seen(motions)]
+        if self._mount_sure < SURE:
+            seen += [self._seen(belief[:1], *mount) for mount in self._mounts]
+        rows = np.concatenate(seen)
+        off_m, off_rad = np.hypot(*(rows[:, :2] - rows[0, :2]).T), _wrapped(rows[:, 2] - rows[0, 2])
+        apart = (off_m > APART_M) | (np.abs(off_rad) > APART_RAD)
+        if not apart[len(DRIFTS) :].any():
             return None
-        apart[0] = True
+        apart[: len(DRIFTS)] = True
+        stride = max(1, len(new.ranges) // POINTS)
         fit = _core.misfits(
-            new.ranges,
-            _fan(new.scan),
-            past.ranges,
-            _fan(past.scan),
-            rows[apart],
-            self._scale_m,
-            self._stride(new),
+            new.ranges, _fan(new.scan), past.ranges, _fan(past.scan), rows[apart], self._scale_m, stride
         )
         if fit[:, 1].min() < FEWEST:
             return None
-        misfit = np.full(1 + len(self._evidence.sums), fit[0, 0])
-        misfit[: len(rows)][apart] = fit[:, 0]
-        mounts = misfit[-len(self._mounts) :]
-        if len(rows) == len(misfit):
-            self._mount_sure = max(0.0, self._mount_sure + float(mounts.min()) - misfit[0] - SLACK)
-        self._alive = max(0.0, self._alive + misfit[1 + self._frozen] - misfit[0] - SLACK)
+        believed = float(fit[: len(DRIFTS), 0].min())
+        misfit = np.full(len(self._evidence.sums), believed)
+        misfit[: len(rows) - len(DRIFTS)][apart[len(DRIFTS) :]] = fit[len(DRIFTS) :, 0]
+        if self._mount_sure < SURE:
+            least = float(misfit[-len(self._mounts) :].min())
+            self._mount_sure = max(0.0, self._mount_sure + least - believed - SLACK)
+        self._alive = max(0.0, self._alive + misfit[self._frozen] - believed - SLACK)
         if self._alive > ENOUGH:
             self._held_s = HELD_S
-        return self._evidence.add(float(misfit[0]), misfit[1:])
+        found = self._evidence.add(believed, misfit)
+        self._calm = self._calm + 1 if self._evidence.sums.max() <= DOUBT else 0
+        return found
 
     def _conclude(self, found: int, stamp_s: float) -> None:
         if found < self._frozen:
             self._late = found % len(LATES)
+            if found >= len(LATES):  # those before were late as well
+                self._past = deque(dataclasses.replace(past, late=self._late) for past in self._past)
         elif found == self._frozen:
             self._held_until_s = stamp_s + self._held_s
             self._held_s = min(2.0 * self._held_s, LONGEST_HELD_S)
             self._alive = 0.0
         else:
             self._mounted_otherwise = True
-        self._past.clear()
         self._evidence.forget()
 
-    def _seen(self, motion: Pose, turn_rad: float = 0.0, mirrored: bool = False) -> Pose:
-        """A motion of the robot as one of its LiDAR, if that is turned from where it should be, or mirrored."""
+    def _seen(self, motions: Array, turn_rad: float = 0.0, mirrored: bool = False) -> Array:
+        """(M, 3) motions of the robot as its LiDAR's, if that is turned from where it should be, or mirrored."""
         x, y, yaw = self._mount
-        sensor = (x, y, yaw + turn_rad)
-        x, y, yaw = between(sensor, compose(motion, sensor))
-        return (x, -y, -yaw) if mirrored else (x, y, yaw)
-
-    def _stride(self, past: _Past) -> int:
-        return max(1, len(past.ranges) // POINTS)
+        sensor = np.array([(x, y, yaw + turn_rad)])
+        moved = between(sensor, _composed(motions, sensor))
+        return moved * np.array([1.0, -1.0, -1.0]) if mirrored else moved
 
 
 def _fan(scan: Scan) -> tuple[float, float, float]:
     return scan.angle_min_rad, scan.angle_increment_rad, scan.range_max_m
 
 
-def between(a: Pose, b: Pose) -> Pose:
-    """Pose b in the frame of pose a."""
-    return compose(inverse(a), b)
+def between(a: Array, b: Array) -> Array:
+    """(M, 3) poses b in the frames of poses a."""
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
+    return np.stack([c * dx + s * dy, c * dy - s * dx, _wrapped(b[..., 2] - a[..., 2])], axis=-1)
+
+
+def _composed(a: Array, b: Array) -> Array:
+    """(M, 3) poses b, given in the frames of poses a, in the frame that these are given in."""
+    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
+    return np.stack(
+        [a[:, 0] + c * b[:, 0] - s * b[:, 1], a[:, 1] + s * b[:, 0] + c * b[:, 1], a[:, 2] + b[:, 2]], axis=1
+    )
+
+
+def _wrapped(angles: Array) -> Array:
+    return np.remainder(angles + math.pi, 2.0 * math.pi) - math.pi

@@ -66,17 +66,19 @@ class BeamWatch:
         turned_rad = DATED * abs(math.remainder(sensor[2] - self._sensor[2], 2.0 * math.pi))
         self._last_s, self._sensor = scan.stamp_s, sensor
         lies = near & ~self._may_be_near(scan, near, expected, moved_m)
-        fresh = self._placed(scan, sensor, seen, ranges, np.zeros(len(ranges)))
+        known = [self._placed(scan, sensor, seen, ranges, np.zeros(len(ranges)))]
         reach_m = WITHIN_REACH * scan.range_max_m
         vanished = told & np.isinf(ranges) & (expected < reach_m) & (doubted_s < LASTS_S)
-        doubted_s = doubted_s + (passed_s if seen.any() else 0.0)
-        gone = self._placed(scan, sensor, vanished, expected, doubted_s)
-        vanished[vanished] = _far_from(gone, fresh, moved_m + turned_rad * expected[vanished])
-        empty = self._empty(scan, vanished, seen, expected, moved_m)
-        self.empty = bool(empty.any())
-        still = self._placed(scan, sensor, vanished & empty, expected, doubted_s)
-        self._points = np.concatenate([fresh, still])
-        lies |= empty & told & np.isinf(ranges)
+        self.empty = False
+        if np.count_nonzero(vanished) * abs(scan.angle_increment_rad) > VANISHED_RAD:
+            doubted_s = doubted_s + (passed_s if seen.any() else 0.0)
+            gone = self._placed(scan, sensor, vanished, expected, doubted_s)
+            vanished[vanished] = _far_from(gone, known[0], moved_m + turned_rad * expected[vanished])
+            empty = self._empty(scan, vanished, seen, expected, moved_m)
+            self.empty = bool(empty.any())
+            known.append(self._placed(scan, sensor, vanished & empty, expected, doubted_s))
+            lies |= empty & told & np.isinf(ranges)
+        self._points = np.concatenate(known)
         return dataclasses.replace(scan, ranges=np.where(lies, np.nan, scan.ranges)) if lies.any() else scan
 
     def _expected(self, scan: Scan, sensor: Pose) -> tuple[Array, Array]:
@@ -102,14 +104,14 @@ class BeamWatch:
             self._near = INSISTS * near.astype(np.intp)
         else:
             self._near = np.where(near, self._near + 1, 0)
+        if not near.any():
+            return near
         around = np.minimum(np.minimum(np.roll(expected, 1), np.roll(expected, -1)), expected)
         return (around < scan.range_min_m + moved_m) | (self._near >= INSISTS)
 
     def _empty(self, scan: Scan, vanished: Mask, seen: Mask, expected: Array, moved_m: float) -> Mask:
         """(K,) the beams between two that see something, if more has vanished there than a narrow or a moving thing."""
         increment = abs(scan.angle_increment_rad)
-        if np.count_nonzero(vanished) * increment <= VANISHED_RAD:
-            return np.zeros(len(vanished), dtype=bool)
         run = np.cumsum(seen)
         if sees_all_round(scan) and seen.any():
             run = np.where(run == run[-1], 0, run)  # from behind the last one to the first one

@@ -76,13 +76,18 @@ class Reckoning:
     def orders(self, start_s: float, end_s: float, latency_s: float | None = None) -> Array:
         """(S, 3) what the base acts on from one time to another: speed, yaw rate, seconds."""
         latency_s = self.latency_s if latency_s is None else latency_s
-        begins = [sent_s + latency_s for sent_s, _ in self._commands] or [end_s]
-        rows = [(*STANDSTILL, min(begins[0], end_s) - start_s)]
-        for (_, twist), begin_s, until_s in zip(
-            self._commands, begins, [*begins[1:], math.inf], strict=False
-        ):
-            rows.append((*twist, min(until_s, end_s) - max(begin_s, start_s)))
-        return np.array([row for row in rows if row[2] > 1e-9]).reshape(-1, 3)
+        rows: list[tuple[float, float, float]] = []
+        until_s = end_s
+        for sent_s, twist in reversed(self._commands):
+            begin_s = max(sent_s + latency_s, start_s)
+            if until_s - begin_s > 1e-9:
+                rows.append((*twist, until_s - begin_s))
+                until_s = begin_s
+            if until_s <= start_s:
+                break
+        if until_s - start_s > 1e-9:  # before the first command
+            rows.append((*STANDSTILL, until_s - start_s))
+        return np.array(rows[::-1]).reshape(-1, 3)
 
     def state_at(self, time_s: float) -> tuple[Pose, Twist]:
         """Pose and twist to be expected at a time after the newest odometry."""

@@ -149,6 +149,11 @@ class Supervisor:
         }
         return tuple(reason for reason, holds in told.items() if holds)
 
+    @property
+    def base_late_s(self) -> float:
+        """Measured seconds by which the base acts later than its RobotConfig says."""
+        return self._reckoning.base_late_s
+
     def newest(self) -> tuple[Scan, Odometry]:
         """What to drive by, after watch() found no fault."""
         scan, odometry = self._sensors.scan, self._sensors.odometry[-1]
@@ -259,22 +264,17 @@ class Supervisor:
         if scan is None or not self._sensors.odometry or scan.stamp_s == self._looked_s:
             return
         self._looked_s = scan.stamp_s
-        late_s, last_alive = self._alignment.late_s, None
+        late_s = self._alignment.late_s
         if not self._reckoning.is_frozen():
-            last_alive = self._alignment.take(scan, self.pose_at, self._reckoning.base_late_s)
+            frozen = self._alignment.take(scan, self.pose_at, self._reckoning.base_late_s)
+            if frozen:
+                self._surroundings.revert()
         if late_s != self._alignment.late_s:  # what is known was placed wrongly
             self._beams.forget()
-        if last_alive is not None:
-            self._surroundings.forget()
-            self._remember(last_alive)
         if self._alignment.reasons(self._now_s):
             return
-        self._sensors.scan = self._beams.believable(scan, self.pose_at(scan.stamp_s - self._alignment.late_s))
-        self._remember(self._sensors.scan)
-
-    def _remember(self, scan: Scan) -> None:
-        """What it shows, where the robot was then."""
         taken_s = scan.stamp_s - self._alignment.late_s
         first = self.pose_at(taken_s)
         last = self.pose_at(taken_s + scan.lasts_s) if scan.lasts_s > 0.0 else first
-        self._surroundings.take(scan, first, last, clears=not self._alignment.doubtful)
+        self._sensors.scan = self._beams.believable(scan, first)
+        self._surroundings.take(self._sensors.scan, first, last, clears=not self._alignment.doubtful)

@@ -46,6 +46,8 @@ class Surroundings:
         self._last_s = -math.inf
         self._looking: tuple[Scan, Mask] | None = None
         """The last scan, and which of its beams tell of something else than the robot itself."""
+        self._trusted = self._newest, self._former, self._lasting
+        """As it was before a suspicion."""
 
     def take(self, scan: Scan, first: Pose, last: Pose, *, clears: bool = True) -> None:
         """A new scan; where the robot was when its first and its last beam were taken. clears: False for a scan under
@@ -71,6 +73,12 @@ class Surroundings:
         self._newest = _placed(np.stack([x[hit], y[hit], clearance], axis=1), poses)
         self._last_s = scan.stamp_s
         self._looking = (scan, outside)
+        if clears:
+            self._trusted = self._newest, self._former, self._lasting
+
+    def revert(self) -> None:
+        """The scans under suspicion were wrong."""
+        self._newest, self._former, self._lasting = self._trusted
 
     def sees_ahead(self) -> bool:
         """Whether the last scan looks straight ahead."""

@@ -25,7 +25,7 @@ SLIP_M, SLIP_RAD = 0.1, 0.2
 """Odometry may jump by so much beyond what the robot can drive."""
 COMPARED_S = 1.0
 """Time constant over which the odometry's twist is compared with its poses."""
-OFF_M, OFF_RAD, OFF_SHARE = 0.03, 0.06, 0.3
+OFF_M, OFF_RAD, OFF_SHARE = 0.05, 0.06, 0.3
 """The way that the twist says may differ by so much, and this share of it, from the way between the poses."""
 
 
