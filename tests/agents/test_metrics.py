@@ -90,9 +90,9 @@ def test_the_environment_is_told_s_before_each_step(tmp_path: Path, monkeypatch:
     told: list[float] = []
 
     class Listening(Walk):
-        def step(self, actions: NDArray[np.float32]) -> Any:
+        def advance(self, actions: NDArray[np.float32]) -> Any:
             told.append(self.maturity)
-            return super().step(actions)
+            return super().advance(actions)
 
     result = resume_run.run(tmp_path, 300, kind=resume_run.Kind(env=Listening))
     rows = [json.loads(line) for line in (tmp_path / "metrics.jsonl").read_text().splitlines()]
@@ -130,9 +130,9 @@ def test_a_budget_of_time_is_a_total_and_ends_the_run_with_the_step_that_spends_
             clock.now_s += 10.0
             return super().reset(**options)
 
-        def step(self, actions: NDArray[np.float32]) -> Any:
+        def advance(self, actions: NDArray[np.float32]) -> Any:
             clock.now_s += 1.0
-            return super().step(actions)
+            return super().advance(actions)
 
     def validate(policy: MlpPolicy, maturity: float) -> Validation:
         clock.now_s += 1000.0
