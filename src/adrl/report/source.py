@@ -1,13 +1,15 @@
 """What a report is made of: the result files of a training run, of an evaluation or of a comparison."""
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from adrl.agents.metrics import METRICS_FILE
-from adrl.deploy.policy import CONFIG_FILE
+from adrl.deploy.policies import ResolvedPolicy, find_policy
+from adrl.deploy.policy import CONFIG_FILE, WEIGHTS_FILE
 from adrl.errors import CheckpointError
 from adrl.evaluation.metrics import RATES, Episodes
 from adrl.evaluation.results import EPISODES_FILE, SUMMARY_FILE, read_episodes, read_table
@@ -49,11 +51,12 @@ class Source:
     driven: "pa.Table | None" = None
     """Every episode of a comparison, with columns method, seed and guidance."""
     missing: list[str] = field(default_factory=list)
-    """Jobs of a comparison that have no result."""
+    """Jobs of a comparison that have no result; evaluations of a run's policy as it was before."""
 
 
-def read_source(folder: Path) -> Source:
+def read_source(folder: str | os.PathLike[str]) -> Source:
     """Read a folder that adrl train, evaluate or compare wrote. Raises CheckpointError naming a bad file."""
+    folder = Path(folder)
     if not folder.is_dir():
         raise CheckpointError(f"{folder}: no such folder; give that of a run, a comparison or an evaluation")
     if (folder / RESULTS_FILE).exists() and (folder / SETTINGS_FILE).exists():
@@ -82,6 +85,28 @@ def evaluation_folders(run: Path) -> list[Path]:
     return sorted(path.parent for path in run.glob(f"*/{SUMMARY_FILE}"))
 
 
+def outdated(run: Path) -> list[Path]:
+    """Those of the evaluation folders that are of the run's policy as it was before: it has been trained for longer.
+
+    Told by what stands in them, not by the files' times. Raises AdrlError.
+    """
+    if not (run / WEIGHTS_FILE).exists():
+        return []
+    policy = find_policy(run)
+    return [
+        folder for folder in evaluation_folders(run) if _is_earlier(read_json(folder / SUMMARY_FILE), policy)
+    ]
+
+
+def _is_earlier(summary: Mapping[str, Any], policy: ResolvedPolicy) -> bool:
+    if (summary.get("method"), summary.get("policy")) != (policy.method, policy.name):
+        return False
+    if summary.get("policy_fingerprint") is not None:
+        return summary["policy_fingerprint"] != policy.fingerprint
+    # Of a version that kept none.
+    return any(summary.get(name) != policy.training[name] for name in ("env_steps", "gradient_updates"))
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """A JSON object. Raises CheckpointError naming the file."""
     try:
@@ -98,7 +123,8 @@ def read_json(path: Path) -> dict[str, Any]:
 def _run(folder: Path) -> Source:
     config = read_json(folder / CONFIG_FILE) if (folder / CONFIG_FILE).exists() else {}
     method = str(config.get("method", "policy"))
-    evaluations = [_evaluated(path, path.name) for path in evaluation_folders(folder)]
+    earlier = outdated(folder)
+    evaluations = [_evaluated(path, path.name) for path in evaluation_folders(folder) if path not in earlier]
     # Its own policy before what it is measured against.
     evaluations.sort(key=lambda entry: entry.summary["method"] != method)
     return Source(
@@ -108,6 +134,7 @@ def _run(folder: Path) -> Source:
         logs={method: [folder / METRICS_FILE]},
         rows=[_row(evaluation) for evaluation in evaluations],
         evaluations=evaluations,
+        missing=[f"{path.name} (of the policy before it was trained for longer)" for path in earlier],
     )
 
 
