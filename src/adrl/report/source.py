@@ -173,7 +173,7 @@ def _comparison(folder: Path) -> Source:
                 evaluations.append(_evaluated(kept, f"{job.name}, {kept.name}"))
         rows = [dict(row) for row in results["rows"]]
         for row in rows:
-            seeds = "planner" if row["seeds"] is None else f"{row['seeds']} seeds"
+            seeds = "not trained here" if row["seeds"] is None else f"{row['seeds']} seeds"
             row |= {"label": row["method"], "note": f"{row['guidance']}, {seeds}"}
         shared = settings["settings"]
         learner = shared["learner"]
