@@ -43,7 +43,7 @@ class CompareConfig(RunConfig):
 
     methods: str = ALL
     """Names with commas between; all: every method of ADRL. adrl list names them and the baselines."""
-    policies: Annotated[str, tyro.conf.arg(aliases=["--policy"])] = ""
+    policies: str = ""
     """Policies that are not trained here, a row each, with commas between: in any form that adrl evaluate --policy
     takes."""
     seeds: int = 10
