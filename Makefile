@@ -112,7 +112,7 @@ test-core: $(TOOLS) ## C++ unit tests (Debian package doctest-dev)
 	fi
 
 docs: $(DEV) ## the documentation in build/site; a warning fails
-	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
+	@said=$$(NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict 2>&1) || { echo "$$said" >&2; exit 1; } # --quiet counts no warnings
 
 format: $(DEV) ## format Python and C++
 	@$(BIN)/ruff check --quiet --select I --fix

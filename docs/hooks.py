@@ -1,7 +1,7 @@
 """What the site needs beyond its plugins: folders in the navigation, sections of README.md, equations as MathML.
 
 MathML is drawn by the browser itself: no script, nothing fetched from elsewhere, but the font comes with the site.
-In an equation `\\printed` parts the corrected form from the paper's, and `\\tag{9}` is its number.
+In an equation `\\printed` parts the corrected form from the paper's, `\\\\` begins a line, and `\\tag{9}` is its number.
 """
 
 import html
@@ -81,9 +81,14 @@ def _mathml(match: re.Match[str]) -> str:
     if match[1] == "span":
         return convert(latex)
     latex, _, number = latex.strip().partition("\\tag{")
-    forms = [convert(form, display="block") for form in latex.split("\\printed")]
+    forms = [_lines(form) for form in latex.split("\\printed")]
     if len(forms) == 2:
         forms[1] = f"<span>printed</span>{forms[1]}"
     rows = "".join(f"<div>{form}</div>" for form in forms)
     label = f"<span>({number.rstrip('}')})</span>" if number else ""
     return f'<div class="equation"><div>{rows}</div>{label}</div>'
+
+
+def _lines(form: str) -> str:
+    lines = (convert(line, display="block") for line in form.split("\\\\"))
+    return f"<div>{''.join(f'<div>{line}</div>' for line in lines)}</div>"

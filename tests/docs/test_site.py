@@ -30,9 +30,22 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Built as make docs does."""
     out = tmp_path_factory.mktemp("site")
     quiet = os.environ | {"NO_MKDOCS_2_WARNING": "1"}
-    command = [sys.executable, "-m", "mkdocs", "build", "--quiet", "--strict", "--site-dir", str(out)]
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(out)]
     subprocess.run(command, cwd=ROOT, env=quiet, check=True, timeout=300)
     return out
+
+
+@pytest.fixture(scope="module")
+def with_bars(browser: Browser, chromium: str) -> Iterator[Browser]:
+    """A browser that draws scroll bars, as a reader's does."""
+    shown = browser.browser_type.launch(
+        executable_path=chromium,
+        args=["--no-sandbox"],
+        ignore_default_args=["--hide-scrollbars"],
+        timeout=PATIENCE_MS,
+    )
+    yield shown
+    shown.close()
 
 
 @pytest.fixture(scope="module")
@@ -79,11 +92,44 @@ def test_every_page_is_complete_in_itself(
     assert {name: lines for name, lines in found.items() if lines} == {}
 
 
-def test_from_the_disk_it_opens_too(browser: Browser, site: Path) -> None:
+def test_from_the_disk_it_opens_and_searches_too(browser: Browser, site: Path) -> None:
     requests: list[str] = []
-    page = browser.new_page()
+    page = browser.new_page(viewport={"width": DESK[0], "height": DESK[1]})
+    page.set_default_timeout(PATIENCE_MS)
     page.on("request", lambda request: requests.append(request.url))
     page.goto((site / "quickstart.html").as_uri())
     assert page.locator("h1").first.inner_text()
+    page.locator(".md-search__input").press_sequentially("watchdog")
+    found = page.locator(".md-search-result__link").first
+    found.wait_for()
+    assert "robot.html" in (found.get_attribute("href") or "")
     page.close()
     assert [url for url in requests if not url.startswith(("file:", "data:"))] == []
+
+
+@pytest.mark.parametrize("size", [PHONE, DESK], ids=["telephone", "desk"])
+def test_every_equation_fits(browser: Browser, site: Path, size: tuple[int, int]) -> None:
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto((site / "method.html").as_uri())
+    page.wait_for_load_state("networkidle")
+    boxes = page.evaluate(
+        """[...document.querySelectorAll(".equation > div")].map(e => [e.innerText, e.clientWidth, e.scrollWidth])"""
+    )
+    page.close()
+    assert len(boxes) > 20
+    assert [box for box in boxes if box[2] > box[1]] == []
+
+
+def test_a_table_wider_than_a_telephone_scrolls_by_a_bar_that_is_seen(with_bars: Browser, site: Path) -> None:
+    page = with_bars.new_page(viewport={"width": PHONE[0], "height": PHONE[1]})
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto((site / "results" / "index.html").as_uri())
+    page.wait_for_load_state("networkidle")
+    sizes = page.evaluate(
+        """[...document.querySelectorAll(".md-typeset__scrollwrap")].map(
+            e => [e.scrollWidth > e.clientWidth, e.offsetHeight > e.clientHeight])"""
+    )
+    page.close()
+    assert [True, True] in sizes
+    assert [wide for wide, has_bar in sizes if wide != has_bar] == []
