@@ -1,7 +1,7 @@
 """What the site needs beyond its plugins: folders in the navigation, sections of README.md, equations as MathML.
 
 MathML is drawn by the browser itself: no script, nothing fetched from elsewhere, but the font comes with the site.
-In an equation `\\printed` parts the corrected form from the paper's, `\\\\` begins a line, and `\\tag{9}` is its number.
+In an equation `\\printed` parts the corrected form from the paper's, `\\\\` begins a line, `\\tag{9}` is its number.
 """
 
 import html
