@@ -144,7 +144,7 @@ def test_cancelled_it_stands_and_leaves_the_base_to_others(caplog: pytest.LogCap
         loop.driver.set_goal((1.0, 0.0), "world")
     with caplog.at_level(logging.INFO, "adrl.driver"):
         loop.driver.cancel()
-    assert caplog.messages[-1] == "goal cancelled", "without the words of the refusal"
+    assert caplog.messages[-1] == "goal (3.00, 0.00) in odom cancelled", "without the words of the refusal"
     loop.run(BRAKING_PERIODS + STOPS + 2)
     assert loop.reports[-1].outcome == "cancelled"
     assert not any(any(twist) for twist in loop.told[17:])
@@ -293,7 +293,7 @@ def test_poses_in_another_frame_than_the_maps_are_not_used(caplog: pytest.LogCap
     for _ in range(3):
         loop.driver.take_pose(loop.base.pose, "earth", loop.base.time_s - PERIOD_S)
     assert [record.getMessage() for record in caplog.records if "earth" in record.getMessage()] == [
-        "poses in frame 'earth' are not used; this robot's map is 'map'"
+        "poses in frame 'earth': not used; this robot's is 'map'"
     ]
     with pytest.raises(NotLocalised):
         loop.driver.set_goal((3.0, -1.0), "map")

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from adrl.deploy import Navigator, Odometry, Pose, Scan
+from adrl.deploy import Navigator, Odometry, Pose, Scan, SupervisorConfig
+from adrl.deploy.setup import as_trained
 from adrl.envs import NavSim
 from adrl.errors import AdrlError, ConfigError
 from adrl.observation import EncoderConfig, to_twist
 from adrl.observation.motion import F32
 from adrl.planning.replanner_config import ReplannerConfig
-from adrl.types import RobotConfig, Task, World
+from adrl.types import LidarConfig, RobotConfig, Task, World
 from adrl.worlds import ROBOTS, get_scenario, single_task, task_set
 from deploy.recorded import Moment, a_policy, record
 from env_tasks import room
@@ -191,3 +192,103 @@ print(command.status, command.twist[0] > 0.0)
 """
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.stdout.split() == ["driving", "True"], done.stderr
+
+
+class Says:
+    """A policy that says what it is told to, and remembers what it was told that it did."""
+
+    def __init__(self, navigator: Navigator, actions: list[tuple[float, float]]) -> None:
+        self._actions, self.told = list(actions), []
+        sectors = EncoderConfig(**navigator.policy.config.encoder).num_sectors
+        self._last = slice(sectors + 6, sectors + 8)
+        navigator.policy.act = self
+
+    def __call__(self, observation: F32) -> F32:
+        self.told.append(observation[0, self._last].tolist())
+        return np.array([self._actions.pop(0)], np.float32)
+
+
+STANDS = (-1.0, 0.0)
+"""The action that asks diffbot to stand."""
+
+
+@pytest.mark.parametrize("supervisor", [SupervisorConfig(), None])
+@pytest.mark.parametrize("bad", [(np.nan, 0.0), (0.0, np.inf), (-np.inf, np.nan)])
+def test_an_action_that_is_not_finite_costs_one_step(
+    bad: tuple[float, float], supervisor: SupervisorConfig | None
+):
+    """It stands and says so; the next step drives, and the policy is told that it stood."""
+    navigator = Navigator(a_policy(ROBOTS["diffbot"]), guidance="goal", supervisor=supervisor)
+    navigator.set_goal((5.0, 0.0))
+    policy = Says(navigator, [(0.5, 0.0), bad, (0.5, 0.0), (0.5, 0.0)])
+    commands = [navigator.step(*still((1e-3 * k, 0.0, 0.0), 0.1 * k), 0.1 * k) for k in range(4)]
+    assert [c.status for c in commands] == ["driving", "stopped", "driving", "driving"]
+    assert commands[1].twist == (0.0, 0.0)
+    assert commands[1].reasons == ("command_invalid",)
+    assert commands[2].twist[0] > 0.0
+    np.testing.assert_allclose(policy.told, [STANDS, (0.5, 0.0), STANDS, (0.5, 0.0)], atol=1e-6)
+
+
+def test_the_policy_is_told_what_the_base_was_told():
+    """A LiDAR that looks back only: no driving ahead (unseen). What was never sent was never done."""
+    navigator = Navigator(a_policy(ROBOTS["diffbot"]), guidance="goal")
+    navigator.set_goal((5.0, 0.0))
+    policy = Says(navigator, [(0.9, 0.0)] * 3)
+    for k in range(3):
+        around, odometry = still((1e-3 * k, 0.0, 0.0), 0.1 * k)
+        behind = dataclasses.replace(around, ranges=around.ranges[:100], angle_min_rad=0.55 * np.pi)
+        behind = dataclasses.replace(behind, angle_increment_rad=0.9 * np.pi / 100)
+        command = navigator.step(behind, odometry, 0.1 * k)
+        assert command.twist == (0.0, 0.0)
+        assert "unseen" in command.reasons
+    np.testing.assert_allclose(policy.told, [STANDS] * 3, atol=1e-6)
+
+
+BIG = dataclasses.replace(
+    ROBOTS["diffbot"],
+    name="big",
+    radius_m=0.31,
+    max_speed_mps=0.9,
+    min_speed_mps=-0.3,
+    control_period_s=0.05,
+    lidar=LidarConfig(num_beams=541, fov_rad=1.5 * np.pi, max_range_m=25.0, mount_x_m=0.1),
+)
+
+
+def test_on_another_robot_the_policy_sees_shares_of_its_speeds_and_its_own_scale_of_distances():
+    """The robot that drives is what supervisor and LiDAR belong to; it is said what is other."""
+    policy = a_policy(ROBOTS["diffbot"])
+    navigator = Navigator(policy, guidance="goal", robot=BIG)
+    assert navigator.robot == BIG
+    assert navigator.supervisor is not None
+    assert navigator.supervisor.robot == BIG
+    assert navigator.other_robot is not None
+    for number in (
+        "radius_m 0.31 instead of 0.2",
+        "max_speed_mps 0.9 instead of 0.6",
+        "lidar.max_range_m 25",
+    ):
+        assert number in navigator.other_robot
+    navigator.set_goal((5.0, 0.0))
+    says = Says(navigator, [(1.0, 0.5), (-1.0, 0.0)])
+    seen, twists = [], []
+    act = navigator.policy.act
+    navigator.policy.act = lambda observation: (seen.append(observation[0].copy()), act(observation))[1]
+    for k, speed in enumerate((0.45, 0.45)):
+        around, odometry = still((0.45 * 0.05 * k, 0.0, 0.0), 0.05 * k)
+        odometry = dataclasses.replace(odometry, twist=(speed, 0.0))
+        twists.append(navigator.step(around, odometry, 0.05 * k).twist)
+    sectors = 36
+    assert seen[0][sectors + 4] == pytest.approx(0.5)  # half of its greatest speed
+    # 4 m from the LiDAR straight ahead, in a scale that ends at the trained LiDAR's 6 m.
+    ahead = np.log1p((4.0 - 0.21) / 0.3) / np.log1p(6.0 / 0.3)
+    assert seen[0][sectors // 2] == pytest.approx(ahead, abs=0.01)
+    assert twists[0][0] > 0.45
+    assert 0.0 <= twists[1][0] < 0.45  # its own robot does not reverse: the least action stands
+    assert says.told[1] == pytest.approx((1.0, 0.5))
+
+
+def test_on_its_own_robot_nothing_is_other():
+    for robot in (ROBOTS["diffbot"], dataclasses.replace(ROBOTS["diffbot"], min_speed_mps=-0.2)):
+        assert Navigator(a_policy(robot), guidance="goal", robot=robot).other_robot is None
+        assert as_trained(robot, robot) == robot

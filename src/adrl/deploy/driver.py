@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
-from adrl.deploy import Command, Navigator, Odometry, Pose, Scan
+from adrl.deploy import Command, Navigator, Odometry, Pose, Reason, Scan
 from adrl.deploy.localisation import Localisation
 from adrl.deploy.watch import has_jumped, is_plausible
 from adrl.errors import BadGoal, ConfigError, GoalRefused, NotLocalised, UnknownFrame
@@ -74,8 +74,8 @@ class Driver:
         self._odom_frame, self._map_frame = odom_frame, map_frame
         self._source = localisation
         self._localisation = Localisation()
-        self._strange_frames: set[str] = set()
-        """Frames of poses that were warned of."""
+        self._strange_frames: set[tuple[str, str]] = set()
+        """What was warned of: whose frame, and which."""
         self._on_map = navigator.guidance == "map"
         self._scan: Scan | None = None
         self._odometry: Odometry | None = None
@@ -85,6 +85,8 @@ class Driver:
         self._goals = 0
         self._refusal: GoalRefused | None = None
         self._message = ""
+        self._standing: tuple[object, Command] | None = None
+        """For which reason, when and with what goal it was told to stand last, and how."""
         self._stops_left = 0
         """The base is ours for so many more commands without a goal."""
         self._now_s = -math.inf
@@ -125,8 +127,12 @@ class Driver:
             self._end("cancelled")
         self.navigator.cancel()
 
-    def take_odometry(self, odometry: Odometry) -> None:
-        """What the next step is driven by. Where it begins anew, a goal in its frame has lost its place."""
+    def take_odometry(self, odometry: Odometry, frame: str = "") -> None:
+        """What the next step is driven by; of no use in another frame than the one it is said to have. Where it begins
+        anew, a goal in its frame has lost its place."""
+        frames = (self._odom_frame, *((self._map_frame,) if self._source == "odometry" else ()))
+        if frame and self._is_strange("odometry", frame, *frames):
+            return
         robot, last = self.navigator.robot, self._localisation.newest
         if self._source == "pose" and last is not None and is_plausible(robot, odometry):
             # Stamps that go back are a clock's jump, not the odometry's.
@@ -138,10 +144,7 @@ class Driver:
 
     def take_pose(self, pose: Pose, frame: str, stamp_s: float) -> None:
         """Where a localisation saw the robot; of no use in another frame than the map's."""
-        if frame.removeprefix("/") != self._map_frame:
-            if frame not in self._strange_frames:
-                self._strange_frames.add(frame)
-                LOG.warning("poses in frame %r are not used; this robot's map is %r", frame, self._map_frame)
+        if self._is_strange("poses", frame, self._map_frame):
             return
         if self._source == "odometry" or not self._localisation.take_pose(pose, stamp_s):
             return
@@ -164,6 +167,24 @@ class Driver:
     def withhold(self, report: Report, now_s: float) -> Report:
         """Stand still instead: the command took too long to make."""
         return replace(report, command=self.navigator.withhold(now_s))
+
+    def stand(self, reason: Reason, now_s: float) -> Report:
+        """Stand still between steps, for a reason that the node knows."""
+        since = (reason, now_s, self._goal)
+        if self._standing is None or self._standing[0] != since:
+            self._standing = (since, self.navigator.withhold(now_s, reason))
+        return self._report(self._standing[1], send=self.has_base)
+
+    def _is_strange(self, what: str, frame: str, *known: str) -> bool:
+        """Whether a frame is none of those; told once."""
+        if frame.removeprefix("/") in known:
+            return False
+        if (what, frame) not in self._strange_frames:
+            self._strange_frames.add((what, frame))
+            LOG.warning(
+                "%s in frame %r: not used; this robot's is %s", what, frame, " or ".join(map(repr, known))
+            )
+        return True
 
     @property
     def _slack_s(self) -> float:
@@ -191,6 +212,9 @@ class Driver:
         command = self.navigator.step(scan, odometry, now_s, map_pose=self._map_pose(), has_base=send)
         if self._goal is not None and command.status in ("reached", "failed"):
             self._end("reached" if command.status == "reached" else "failed", command.message)
+        return self._report(command, send=send)
+
+    def _report(self, command: Command, *, send: bool) -> Report:
         if self._goal is None and send:
             self._stops_left -= 1
         return Report(
@@ -253,7 +277,11 @@ class Driver:
 
     def _end(self, outcome: Outcome, message: str = "") -> None:
         """message: why it failed. A refusal on the way is a thing of the past."""
+        assert self._goal is not None
+        goal = f"goal ({self._goal[0]:.2f}, {self._goal[1]:.2f}) in {self._goal_frame}"
+        if message and self._on_map and self._goal_frame != self._map_frame:
+            message = f"{message} (in {self._map_frame}; it was given as the {goal})"
         self._goal, self._outcome = None, outcome
         self._refusal, self._message = None, message
         level = logging.WARNING if outcome == "failed" else logging.INFO
-        LOG.log(level, "goal %s%s", outcome, message and f": {message}")
+        LOG.log(level, "%s %s%s", goal, outcome, message and f": {message}")

@@ -20,7 +20,7 @@ CONTIGUOUS = 0.15
 def readings(scan: Scan, *, zero_is_free: bool = False) -> tuple[Array, Mask]:
     """(K,) ranges in metres, infinity where nothing is within reach, and (K,) which beams tell anything.
 
-    zero_is_free: for LiDARs that report 0 where nothing comes back, as the LDS-01 does.
+    zero_is_free: for LiDARs that report 0 where nothing comes back, as the LDS-01 does; see ScanReader.
     """
     ranges = np.where(np.isneginf(scan.ranges), max(scan.range_min_m, 1e-3), scan.ranges)
     if zero_is_free:

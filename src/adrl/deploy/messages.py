@@ -1,5 +1,6 @@
 """What goes into a robot's control step and what comes out. Times are seconds of one clock, the caller's."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -29,6 +30,7 @@ Reason = Literal[
     "odometry_jumped",
     "not_localised",
     "clock_jumped",
+    "clock_stopped",
     "command_invalid",
     "command_late",
     "scan_late",
@@ -59,6 +61,8 @@ class Scan:
     """Angle of beam 0 in the sensor's frame."""
     angle_increment_rad: float
     """Angle from one beam to the next; below 0 for a scan that runs clockwise."""
+    angle_max_rad: float = math.nan
+    """Angle of the last beam, where the driver gives it too: the other two are checked by it."""
     range_min_m: float = 0.0
     range_max_m: float
     stamp_s: float

@@ -20,7 +20,9 @@ from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Command, Odometry, Pose, Reason, Scan, Status, Twist
 from adrl.deploy.policies import ResolvedPolicy, act, begin, find_policy
 from adrl.deploy.recovery import WAY_M, Recovery
-from adrl.deploy.supervisor import DEFAULT, Supervisor, SupervisorConfig
+from adrl.deploy.scan_reader import ScanReader
+from adrl.deploy.setup import as_trained, other_robot
+from adrl.deploy.supervisor import CAUTIONS, DEFAULT, Supervisor, SupervisorConfig
 from adrl.errors import ConfigError, PlanningError
 from adrl.observation import Encoder, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.observation.motion import ScanHistory
@@ -34,6 +36,8 @@ RELOCALISED_M = 0.5
 """A pose on the map that jumps by so much more than the robot can drive is a new start for the path."""
 OFF_RAD = 0.1
 """A path on the map ends near enough to a goal that has moved by less, seen from the robot: noise of localisation."""
+USUAL = CAUTIONS | {"limited"}
+"""What a base does with a command in training, too: there a policy is told what it asked for."""
 NEW_FRAME = frozenset[Reason](("odometry_jumped", "clock_jumped"))
 """After these, what was known of places and times is so no more."""
 STILL_SEEING = frozenset[Reason](("odometry_frozen", "not_localised"))
@@ -58,14 +62,15 @@ class Navigator:
         world: World | None = None,
         mount: Pose | None = None,
         zero_is_free: bool = False,
+        nan_is_free: bool = False,
         goal_tolerance_m: float = GOAL_TOLERANCE_M,
         supervisor: SupervisorConfig | None = DEFAULT,
         recovery: bool = True,
     ) -> None:
         """policy: in any form of find_policy. robot: the one that is there; that of the policy's training when None.
-        guidance: as trained when None. world: the known map of guidance `map`. mount: of the robot's LiDAR, as
-        trained when None; zero_is_free: see LidarAdapter. supervisor: None drives without one: in simulation only.
-        recovery: a robot that the supervisor holds for long turns to a free way by itself.
+        guidance: as trained when None. world: the known map of guidance `map`. mount: of the robot's LiDAR, the
+        robot's when None; zero_is_free, nan_is_free: see ScanReader. supervisor: None drives without one: in
+        simulation only. recovery: a robot that the supervisor holds for long turns to a free way by itself.
 
         Raises CheckpointError, UnknownName and ConfigError.
         """
@@ -74,28 +79,35 @@ class Navigator:
         found = find_policy(policy)
         self.policy = found.policy
         self.robot = _robot(found, robot)
+        trained = found.robot or self.robot
+        self.other_robot = other_robot(found.name, trained, self.robot)
+        """What is other on this robot than on the one that the policy was trained for, in words; None for nothing."""
+        self._as_trained = as_trained(self.robot, trained)
         self.guidance = found.require_guidance(guidance)
         _check_guidance(self.guidance, world)
         self.goal_tolerance_m = goal_tolerance_m
         self.supervisor = (
             None
             if supervisor is None
-            else Supervisor(self.robot, supervisor, mount=mount, zero_is_free=zero_is_free)
+            else Supervisor(
+                self.robot, supervisor, mount=mount, zero_is_free=zero_is_free, nan_is_free=nan_is_free
+            )
         )
+        self._read = ScanReader(zero_is_free=zero_is_free, nan_is_free=nan_is_free)
         self._recovery = Recovery(self.supervisor) if recovery and self.supervisor is not None else None
         self.goal: tuple[float, float] | None = None
-        self._adapter = LidarAdapter(self.robot.lidar, mount, zero_is_free=zero_is_free)
+        self._adapter = LidarAdapter(self._as_trained.lidar, mount)
         self._encoder: Encoder = (
             found.encoder
             if isinstance(found.encoder, Encoder)
-            else ObservationEncoder(self.robot, found.encoder)
+            else ObservationEncoder(self._as_trained, found.encoder)
         )
         steps = found.encoder.history_steps
         self._history = ScanHistory(1, self.robot.lidar.num_beams, steps) if steps > 0 else None
         self._map = MapGuide(world, self.robot) if world is not None else None
         self._replanner: Replanner | None = None
         if self.guidance == "replan":
-            self._replanner = Replanner(1, self.robot, found.replanner, maturity=found.maturity)
+            self._replanner = Replanner(1, self._as_trained, found.replanner, maturity=found.maturity)
         self._path: Array | None = None
         self._under_way = False
         """A step has been driven since the robot last stood still without a goal."""
@@ -105,7 +117,7 @@ class Navigator:
         self._interrupted = True
         """The last step was not driven: scans before and after it are not a control period apart."""
         self._last: tuple[Pose, float] | None = None
-        self._action = to_action(np.zeros((1, 2)), self.robot)
+        self._action = to_action(np.zeros((1, 2)), self._as_trained)
 
     @classmethod
     def load(cls, policy: str | os.PathLike[str], **options: Any) -> Self:
@@ -169,6 +181,8 @@ class Navigator:
             return self._stand("idle" if self.goal is None else "stopped", now_s, faults, has_base=has_base)
         if self.supervisor is not None:
             scan, odometry = self.supervisor.newest()
+        else:
+            scan = scan and self._read(scan)
         assert scan is not None
         assert odometry is not None
         place = odometry.pose if map_pose is None or self._map is None else map_pose
@@ -181,9 +195,10 @@ class Navigator:
             self.cancel()
             return self._stand("failed", now_s, message=str(error))
 
-    def withhold(self, now_s: float) -> Command:
-        """The command instead of one that took so long to make that what it was checked against is no longer so."""
-        return self._stand("stopped", now_s, ("command_late",))
+    def withhold(self, now_s: float, reason: Reason = "command_late") -> Command:
+        """The command instead of one that took so long to make that what it was checked against is no longer so, or
+        where the caller knows another reason to stand."""
+        return self._stand("idle" if self.goal is None else "stopped", now_s, (reason,))
 
     def _drive(
         self, scan: Scan, odometry: Odometry, place: Pose, goal: tuple[float, float], now_s: float
@@ -199,7 +214,10 @@ class Navigator:
         if not self._begun:
             begin(self.policy, ONE)
         self._begun = True
-        self._action = act(self.policy, seen)
+        action = act(self.policy, seen, require_finite=False)
+        if not np.isfinite(action).all():
+            return self._stand("stopped", now_s, ("command_invalid",))
+        self._action = np.clip(action, -1.0, 1.0)
         twist, reasons = self._limit(towards[0], now_s)
         self._interrupted = False
         self._last = (place, now_s)
@@ -220,7 +238,7 @@ class Navigator:
 
     def _limit(self, towards: Array, now_s: float) -> tuple[Twist, tuple[Reason, ...]]:
         """What is sent instead of the policy's action. towards: (2,) the waypoint in the robot's frame."""
-        v, w = to_twist(self._action, self.robot)[0].tolist()
+        v, w = to_twist(self._action, self._as_trained)[0].tolist()
         if self.supervisor is None:
             return (v, w), ()
         helped = None
@@ -231,8 +249,8 @@ class Navigator:
             self._recovery.watch("obstacle" in reasons, now_s)
         if helped is not None:
             reasons = (*reasons, "recovering")
-        if helped is not None or "obstacle" in reasons:  # the policy sees what the base was told
-            self._action = to_action(np.array([twist]), self.robot)
+        if not USUAL.issuperset(reasons):  # the policy is told what the base was told
+            self._action = to_action(np.array([twist]), self._as_trained)
         return twist, reasons
 
     def _stand(
@@ -249,7 +267,7 @@ class Navigator:
         if self._recovery is not None and (status != "stopped" or not NEW_FRAME.isdisjoint(reasons)):
             self._recovery.forget()
         self._interrupted = True
-        self._action = to_action(np.zeros((1, 2)), self.robot)
+        self._action = to_action(np.zeros((1, 2)), self._as_trained)
         return Command(
             twist=(0.0, 0.0), status=status, reasons=reasons, message=message, plan=np.empty((0, 2))
         )

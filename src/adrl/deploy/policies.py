@@ -103,8 +103,13 @@ def find_policy(policy: Any, planners: Mapping[str, Callable[[], Any]] | None = 
     raise UnknownName("policy", text, [*SHIPPED, *planners, *offered("policy")])
 
 
-def act(policy: Any, observation: NDArray[np.floating]) -> NDArray[np.float32]:
-    """(N, 2) actions of (N, D) observations. Raises ConfigError where the policy fails, or gives something else."""
+def act(
+    policy: Any, observation: NDArray[np.floating], *, require_finite: bool = True
+) -> NDArray[np.float32]:
+    """(N, 2) actions of (N, D) observations. Raises ConfigError where the policy fails, or gives something else.
+
+    require_finite: False leaves numbers that are not finite to the caller, as on a robot that has to go on.
+    """
     try:
         actions = policy.act(observation)
     except AdrlError:
@@ -114,7 +119,7 @@ def act(policy: Any, observation: NDArray[np.floating]) -> NDArray[np.float32]:
             f"policy {name_of(policy)} cannot act on observations of shape {observation.shape} "
             f"({type(error).__name__}: {error}{_where(error)})"
         ) from error
-    return checked_actions(policy, actions, len(observation))
+    return checked_actions(policy, actions, len(observation), require_finite=require_finite)
 
 
 def begin(policy: Any, rows: NDArray[np.intp]) -> None:
@@ -123,13 +128,15 @@ def begin(policy: Any, rows: NDArray[np.intp]) -> None:
         policy.reset(rows)
 
 
-def checked_actions(policy: Any, actions: Any, count: int) -> NDArray[np.float32]:
+def checked_actions(
+    policy: Any, actions: Any, count: int, *, require_finite: bool = True
+) -> NDArray[np.float32]:
     """The same actions. Raises ConfigError for what are not (count, 2) finite numbers."""
     try:
         array = np.asarray(actions, dtype=np.float32)
     except (TypeError, ValueError):
         array = np.empty(0, np.float32)
-    if array.shape != (count, 2) or not np.isfinite(array).all():
+    if array.shape != (count, 2) or (require_finite and not np.isfinite(array).all()):
         raise ConfigError(
             f"policy {name_of(policy)} gave actions of shape {np.shape(array)}, or not finite ones; "
             f"give ({count}, 2) numbers: speed and yaw rate in [-1, 1]"

@@ -1,7 +1,7 @@
 """The robot, encoder and replanner that a policy was trained with, from its config.json."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
@@ -43,6 +43,17 @@ def setup_of(policy: MlpPolicy) -> Setup:
             f"{config.input_size}; restore the file"
         )
     return Setup(robot=robot, encoder=encoder, replanner=replanner)
+
+
+def as_trained(driven: RobotConfig, trained: RobotConfig) -> RobotConfig:
+    """The robot that is driven, as a policy of another one takes it.
+
+    Speeds are shares of its greatest ones, distances begin at its own footprint. It reverses only as the policy's own
+    robot does, and the LiDAR reaches no other way than the policy's, whose scale of distances that is.
+    """
+    reverse = driven.max_speed_mps * trained.min_speed_mps / trained.max_speed_mps
+    lidar = replace(driven.lidar, max_range_m=trained.lidar.max_range_m)
+    return replace(driven, min_speed_mps=reverse, lidar=lidar)
 
 
 def robot_differences(trained: RobotConfig, driven: RobotConfig) -> tuple[str, ...]:

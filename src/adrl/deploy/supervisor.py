@@ -17,6 +17,7 @@ from adrl.deploy.alignment import Alignment
 from adrl.deploy.beams import BeamWatch
 from adrl.deploy.messages import Odometry, Pose, Reason, Scan, Twist
 from adrl.deploy.reckoning import STANDSTILL, Reckoning
+from adrl.deploy.scan_reader import ScanReader
 from adrl.deploy.surroundings import Surroundings
 from adrl.deploy.watch import SensorWatch
 from adrl.errors import ConfigError
@@ -83,13 +84,16 @@ class Supervisor:
         *,
         mount: Pose | None = None,
         zero_is_free: bool = False,
+        nan_is_free: bool = False,
     ) -> None:
-        """mount: of the LiDAR in the robot's frame, the RobotConfig's when None; zero_is_free: see LidarAdapter."""
+        """mount: of the LiDAR in the robot's frame, the RobotConfig's when None; zero_is_free, nan_is_free: see
+        ScanReader."""
         self.robot = robot
         self.config = config or SupervisorConfig()
         lidar = robot.lidar
         mount = mount or (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad)
         self._period_s = robot.control_period_s
+        self._read = ScanReader(zero_is_free=zero_is_free, nan_is_free=nan_is_free)
         self._sensors = SensorWatch(
             robot,
             max_age_s=self.config.max_age_periods * self._period_s,
@@ -118,6 +122,7 @@ class Supervisor:
         """Take in what came since the last call, None for nothing; the reasons to stop, none when all is well."""
         if not math.isfinite(now_s):
             return ("clock_jumped",)
+        scan = scan and self._read(scan)
         back = now_s < self._now_s
         self._now_s = now_s
         faults = self._sensors.take(scan, odometry, now_s)

@@ -9,12 +9,11 @@ from numpy.typing import NDArray
 
 from adrl.deploy.lidar import readings
 from adrl.deploy.messages import Odometry, Pose, Reason, Scan, Twist
+from adrl.deploy.scan_reader import FULL_CIRCLE_RAD
 from adrl.types import Array, RobotConfig
 
 EARLY_PERIODS = 0.5
 """Stamps may be this much ahead of the clock: sensors have clocks of their own."""
-LONGEST_SCAN_S = 1.0
-"""No LiDAR turns slower."""
 MOVED_M, MOVED_RAD = 0.01, 0.02
 """A robot that has moved by so much sees something change."""
 KEPT = 32
@@ -54,6 +53,8 @@ class SensorWatch:
     def forget(self) -> None:
         """As if nothing had ever been received."""
         self.scan: Scan | None = None
+        self._unusable = False
+        """The last scan to come could not be used."""
         self._last_beam_s = -math.inf
         """Of the scan, and no later than when it came: some drivers stamp the end."""
         self.odometry.clear()
@@ -77,10 +78,12 @@ class SensorWatch:
         early_s = EARLY_PERIODS * self.robot.control_period_s
         if any(message is not None and message.stamp_s > now_s + early_s for message in (scan, odometry)):
             faults.append("clock_jumped")
-        if odometry is not None and odometry.stamp_s <= now_s + early_s:
+        if odometry is not None and not odometry.stamp_s > now_s + early_s:
             faults += self._take_odometry(odometry)
-        if scan is not None and scan.stamp_s <= now_s + early_s:
-            faults += self._take_scan(scan)
+        if scan is not None and not scan.stamp_s > now_s + early_s:
+            told = self._take_scan(scan)
+            self._unusable = bool(told)
+            faults += told
         return tuple(dict.fromkeys(faults + self._ages(now_s)))
 
     def _ages(self, now_s: float) -> list[Reason]:
@@ -88,7 +91,7 @@ class SensorWatch:
         oldest_s = now_s - self._max_age_s - 1e-6
         faults: list[Reason] = []
         if self.scan is None:
-            faults.append("no_scan")
+            faults.append("scan_invalid" if self._unusable else "no_scan")
         elif self._last_beam_s < oldest_s:
             faults.append("scan_frozen" if self._frozen else "scan_stale")
         if last is None:
@@ -151,11 +154,8 @@ class SensorWatch:
 
     def _take_scan(self, scan: Scan) -> list[Reason]:
         about = (scan.angle_min_rad, scan.angle_increment_rad, scan.stamp_s)
-        if not (scan.ranges.ndim == 1 and scan.ranges.size > 0 and np.isfinite(about).all()) or (
-            scan.angle_increment_rad == 0.0
-            or not scan.range_max_m > 0.0
-            or not 0.0 <= scan.lasts_s <= LONGEST_SCAN_S
-        ):
+        whole = scan.ranges.ndim == 1 and scan.ranges.size > 0 and np.isfinite(about).all()
+        if not (whole and 0.0 < abs(scan.angle_increment_rad) * (scan.ranges.size - 0.5) <= FULL_CIRCLE_RAD):
             return ["scan_invalid"]
         if self.scan is not None and scan.stamp_s <= self.scan.stamp_s:
             return []  # overtaken by a newer one
