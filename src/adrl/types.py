@@ -310,10 +310,11 @@ class World(_HasNative):
         points = [self.circles[:, :2], 0.5 * (self.segments[:, :2] + self.segments[:, 2:])]
         points += [corners.mean(axis=0, keepdims=True) for corners in self.polygons]
         points.append(self.disc_centres(time_s))
-        return np.concatenate([*points, self._solid_cells])
+        return np.concatenate([*points, self.solid_cells])
 
     @cached_property
-    def _solid_cells(self) -> Array:
+    def solid_cells(self) -> Array:
+        """(M, 2) middles of the solid cells of the grid."""
         if self.grid is None:
             return np.empty((0, 2))
         x, y = (np.argwhere(self.grid.solid)[:, ::-1].T + 0.5) * self.grid.resolution_m

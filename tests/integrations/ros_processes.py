@@ -12,6 +12,9 @@ from pathlib import Path
 from typing import Any
 
 Event = dict[str, Any]
+PERIOD_S = 0.1
+BRAKING_PERIODS = 6
+"""That diffbot needs from full speed to rest, its lag included."""
 
 
 class Process:
@@ -151,3 +154,26 @@ def wait_for_port(port: int) -> None:
                 return
         time.sleep(0.05)
     raise AssertionError("the master did not start")
+
+
+def is_idle(event: Event) -> bool:
+    return event["topic"] == "status" and event["status"] == "idle" and not event["reasons"]
+
+
+def has_ended(number: int) -> Callable[[Event], bool]:
+    return lambda event: (
+        event["topic"] == "status" and event["goals"] == str(number) and event["outcome"] != ""
+    )
+
+
+def is_at_speed(event: Event) -> bool:
+    return event["topic"] == "odom" and event["v"] > 0.4
+
+
+def stands_from(probe: Probe, first: int, periods: int) -> None:
+    """From so many periods after the event on, the robot is at rest; for a second and longer."""
+    at = probe.wait(lambda event: event["topic"] == "odom", first)
+    begin_s = probe.events[at]["t"] + periods * PERIOD_S
+    probe.wait(lambda event: event["topic"] == "odom" and event["t"] > begin_s + 1.5, at)
+    after = [event for event in probe.of("odom", at) if event["t"] >= begin_s - 1e-6]
+    assert max(abs(event["v"]) + abs(event["w"]) for event in after) < 0.02

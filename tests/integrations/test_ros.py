@@ -7,11 +7,8 @@ import math
 import os
 import re
 import shlex
-import shutil
 import signal
-import sys
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -19,64 +16,11 @@ import pytest
 
 from adrl.geometry import compose, inverse
 from adrl.integrations.gazebo.server import gazebo_folder, is_installed
-from adrl.integrations.ros1.node import DIST_PACKAGES
 from adrl.worlds import SCENARIOS, load_robot, task_set
 from adrl.worlds.map_scenario import MapScenario
-from integrations.ros_processes import Event, Probe, Ros
+from integrations.ros_processes import BRAKING_PERIODS, Ros, has_ended, is_at_speed, is_idle, stands_from
 
 SOURCE = Path(__file__).resolve().parents[2]
-PERIOD_S = 0.1
-BRAKING_PERIODS = 6
-"""That diffbot needs from full speed to rest, its lag included."""
-
-
-def ros2_python() -> Path:
-    return Path(os.environ.get("ADRL_ROS2") or SOURCE / ".venv-ros2") / "bin" / "python"
-
-
-@pytest.fixture(params=["ros2", "ros1"])
-def ros(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Ros]:
-    """A generation of ROS. Where it is not: skipped, in CI failed."""
-    if request.param == "ros2":
-        missing = "" if ros2_python().exists() else "no ROS 2; run make ros2"
-    else:
-        there = (DIST_PACKAGES / "rospy").is_dir() and shutil.which("rosmaster")
-        missing = "" if there else "no ROS 1; on Debian: apt-get install python3-rospy python3-rosmaster"
-    if missing:
-        (pytest.fail if os.environ.get("CI") == "true" else pytest.skip)(missing)
-    generation = 2 if request.param == "ros2" else 1
-    python = ros2_python() if generation == 2 else Path(sys.executable)
-    running = Ros(generation, python, tmp_path)
-    yield running
-    running.close()
-
-
-def is_idle(event: Event) -> bool:
-    return event["topic"] == "status" and event["status"] == "idle" and not event["reasons"]
-
-
-def has_ended(number: int) -> Callable[[Event], bool]:
-    return lambda event: (
-        event["topic"] == "status" and event["goals"] == str(number) and event["outcome"] != ""
-    )
-
-
-def is_at_speed(event: Event) -> bool:
-    return event["topic"] == "odom" and event["v"] > 0.4
-
-
-def stands_from(probe: Probe, first: int, periods: int) -> None:
-    """From so many periods after the event on, the robot is at rest; for a second and longer."""
-    at = probe.wait(lambda event: event["topic"] == "odom", first)
-    begin_s = probe.events[at]["t"] + periods * PERIOD_S
-    probe.wait(lambda event: event["topic"] == "odom" and event["t"] > begin_s + 1.5, at)
-    after = [event for event in probe.of("odom", at) if event["t"] >= begin_s - 1e-6]
-    assert max(abs(event["v"]) + abs(event["w"]) for event in after) < 0.02
-
-
-@pytest.fixture
-def a_map(shared_data: Path) -> str:
-    return str(shared_data / "maps" / "turtlebot3_world" / "map.yaml")
 
 
 @pytest.mark.ros

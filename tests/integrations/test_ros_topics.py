@@ -63,6 +63,8 @@ class Node:
         config = DriveConfig(guidance="goal", **options)
         self.out = Publications(drive.publications(config))
         self.now_s, self.clock_late_s = 0.0, 0.0
+        self.wall_s: float | None = None
+        """The wall's clock; the node's when None."""
         self.topics = drive.DriveTopics(
             config,
             self.out.publish,
@@ -71,6 +73,7 @@ class Node:
             header=header,
             simulated=True,
             new=new,
+            wall_s=lambda: self.wall_s if self.wall_s is not None else self.now_s,
         )
         self.subscriptions = self.topics.subscriptions()
         self.x_m = 0.0

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 
 from adrl.commands.options import load_place, parse, subcommand
-from adrl.integrations.ros.config import DriveConfig, SimConfig
+from adrl.integrations.ros.config import NUMBERS, DriveConfig, SimConfig
 
 Split = Callable[[Sequence[str]], tuple[Sequence[str], Sequence[str]]]
 """Arguments -> ours, and those of ROS."""
@@ -14,13 +14,13 @@ def run(command: str, split: Split, arguments: Sequence[str], example: str) -> i
     """Run a node of ros1 or ros2, which is imported when it is known that it runs."""
 
     def drive(arguments: Sequence[str]) -> int:
-        ours, theirs = split(arguments)
+        ours, theirs = split(_apart(arguments))
         config = parse(DriveConfig, ours, f"{command} drive", "Drive a robot to the goals it gets.")
         import_module(f"adrl.integrations.{command}.drive").drive(config, theirs)
         return 0
 
     def sim(arguments: Sequence[str]) -> int:
-        ours, theirs = split(arguments)
+        ours, theirs = split(_apart(arguments))
         config = parse(SimConfig, ours, f"{command} sim", "A simulated robot on the topics of one.")
         load_place(config)
         import_module(f"adrl.integrations.{command}.sim").sim(config, theirs)
@@ -31,3 +31,12 @@ def run(command: str, split: Split, arguments: Sequence[str], example: str) -> i
         "sim": ("a simulated robot on the topics of one", sim),
     }
     return subcommand(command, "node", kinds, arguments, f"\nROS's own arguments go with them: {example}")
+
+
+def _apart(arguments: Sequence[str]) -> list[str]:
+    """Numbers that are given as 1,2,0.5 one by one."""
+    out: list[str] = []
+    for argument in arguments:
+        of_numbers = bool(out) and out[-1].removeprefix("--") in NUMBERS
+        out += argument.split(",") if of_numbers else [argument]
+    return out

@@ -1,5 +1,6 @@
 """Settings of the nodes. Each is an option of the command and a parameter of the node, with the same name."""
 
+import logging
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -12,14 +13,16 @@ from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import DEFAULT
 from adrl.errors import ConfigError
 from adrl.simulators import NATIVE, find_simulator
-from adrl.worlds import load_map
+from adrl.worlds import load_map, load_robot
 from adrl.worlds.place import Place
 from adrl.worlds.ros_map import Unknown
+
+LOG = logging.getLogger("adrl.driver")
 
 Config = TypeVar("Config", "DriveConfig", "SimConfig")
 Parameter = str | bool | int | float | list[float]
 
-NUMBERS = {"mount": 3}
+NUMBERS = {"mount": 3, "start": 3}
 """Settings that are None or so many numbers."""
 
 
@@ -29,6 +32,9 @@ class DriveConfig:
 
     policy: str = DEFAULT
     """A shipped policy (adrl list), a run folder, model.onnx, an SB3 model.zip, or module:object of your own."""
+    robot: str | None = None
+    """The robot that is driven, a name (adrl list) or a TOML file, where the policy was trained for another:
+    supervisor, LiDAR mount and recovery are this one's. As trained when left out."""
     guidance: Literal["goal", "replan", "map"] | None = None
     """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when blocked;
     map: a waypoint on the A* path of the known map. map with a map, else as trained, which must not be map."""
@@ -50,9 +56,11 @@ class DriveConfig:
     goal_tolerance_m: float = 0.3
     """Distance to the goal at which it is reached, m."""
     mount: tuple[float, float, float] | None = None
-    """x (m), y (m), yaw (rad) of the LiDAR on the robot; as trained when left out."""
+    """x (m), y (m), yaw (rad) of the LiDAR on the robot; the robot's own when left out."""
     zero_is_free: bool = False
     """A range of 0 means nothing in reach, as the LDS-01 has it."""
+    nan_is_free: bool = False
+    """A range of NaN means nothing in reach."""
     watchdog_periods: float = 2.0
     """Control periods without a command after which the base stops by itself; the braking check allows for them."""
     recovery: bool = True
@@ -70,12 +78,16 @@ class DriveConfig:
             policy,
             guidance=guidance,
             world=load_map(self.map, self.unknown) if self.map is not None else None,
+            robot=load_robot(self.robot) if self.robot is not None else None,
             mount=self.mount,
             zero_is_free=self.zero_is_free,
+            nan_is_free=self.nan_is_free,
             goal_tolerance_m=self.goal_tolerance_m,
             supervisor=SupervisorConfig(hold_periods=self.watchdog_periods),
             recovery=self.recovery,
         )
+        if navigator.other_robot is not None:
+            LOG.warning("%s", navigator.other_robot)
         return Driver(
             navigator,
             odom_frame=self.odom_frame,
@@ -93,6 +105,8 @@ class SimConfig(Place):
     Gazebo up."""
     task: int = 0
     """Number of the test task whose world and start it has."""
+    start: tuple[float, float, float] | None = None
+    """x (m), y (m), yaw (rad) in the world where it starts instead, as 1,2,0.5."""
     robot: str = "diffbot"
     """A robot's name (adrl list) or a TOML file."""
     seed: int = 0
@@ -155,6 +169,6 @@ def _from_parameter(name: str, value: Any) -> Any:
         return numbers or None
     if name in ("map", "world", "barn"):
         return Path(value) if value else None
-    if name in ("guidance", "scenario"):
+    if name in ("guidance", "scenario") or (name == "robot" and not value):
         return value or None
     return value

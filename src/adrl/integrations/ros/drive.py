@@ -1,6 +1,9 @@
 """The driving node of either generation, but for the middleware: which topics, and what happens on them."""
 
 import contextlib
+import logging
+import math
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -11,12 +14,20 @@ from adrl.integrations.ros.config import DriveConfig
 from adrl.integrations.ros.messages import new_message, odometry_of, point_of, pose_of, scan_of
 from adrl.integrations.ros.outbox import Outbox, Publish
 
+LOG = logging.getLogger("adrl.driver")
+
 NAME = "adrl"
 """Of the node."""
 TICKS = 4
 """A control period: so often the node looks whether a scan is missing."""
+FASTER = 4
+"""So many times as often where the clock is simulated, for one that runs faster than real time."""
 CLOCK_LATE_PERIODS = 2
 """A simulated clock may be so late; a scan that is farther ahead of it has another clock."""
+CLOCK_PATIENCE_S = 1.0
+"""A simulated clock that stands still for so long, by the wall's, has stopped."""
+UNSTAMPED_S = 1.0
+"""A stamp of 0 is none once the clock has gone so far."""
 LATCHED = ("amcl_pose", "adrl/status")
 """Topics whose last message is for whoever comes late."""
 
@@ -44,19 +55,26 @@ class DriveTopics:
         header: Callable[[float, str], Any],
         simulated: bool,
         new: New = new_message,
+        wall_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        """publish: of the publications. now_s: the node's clock, simulated if use_sim_time says so; seconds: of a
-        stamp; header: of a stamp and a frame; new: makes messages. Raises AdrlError."""
+        """publish: of the publications. now_s: the node's clock, simulated if use_sim_time says so; wall_s: one that
+        nobody sets; seconds: of a stamp; header: of a stamp and a frame; new: makes messages. Raises AdrlError."""
         self._driver = config.driver()
-        self._outbox = Outbox(config, self._driver.navigator.robot.name, publish, header, new)
-        self._now_s, self._seconds = now_s, seconds
+        navigator = self._driver.navigator
+        self._outbox = Outbox(
+            config, navigator.robot.name, publish, header, new, wall_s, navigator.other_robot
+        )
+        self._now_s, self._seconds, self._wall_s = now_s, seconds, wall_s
         self._simulated = simulated
-        self._ended = False
+        self._clock = (-math.inf, wall_s())
+        """What the node's clock said last, and since when."""
+        self._stood_s = -math.inf
+        self._unstamped: set[str] = set()
 
     @property
     def tick_s(self) -> float:
-        """Seconds between two calls of tick()."""
-        return self._driver.period_s / TICKS
+        """Seconds of real time between two calls of tick(): a simulated clock may run faster."""
+        return self._driver.period_s / (TICKS * (FASTER if self._simulated else 1))
 
     def subscriptions(self) -> dict[str, tuple[str, Callable[[Any], None]]]:
         """Topic -> kind of message, and what takes it."""
@@ -69,25 +87,41 @@ class DriveTopics:
         }
 
     def tick(self) -> None:
-        """The step that is due without a scan."""
-        now_s = self._now_s()
-        self._deliver(self._driver.tick(now_s), now_s)
+        """The step that is due without a scan; with a simulated clock that has stopped, those by the wall's."""
+        now_s, wall_s = self._now_s(), self._wall_s()
+        if now_s != self._clock[0]:
+            self._clock = (now_s, wall_s)
+        if not self._simulated or wall_s < self._clock[1] + CLOCK_PATIENCE_S:
+            self._deliver(self._driver.tick(now_s), now_s)
+        elif wall_s >= self._stood_s + self._driver.period_s - 1e-6:
+            self._stood_s = wall_s
+            self._outbox.deliver(self._driver.stand("clock_stopped", now_s), now_s)
 
     def stop(self) -> None:
         """The last command, if the base is ours. In ROS 1 scans still come while the node ends: by other threads."""
-        self._ended = True
-        if self._driver.has_base:
-            self._outbox.command((0.0, 0.0), self._now_s())
+        self._outbox.close(self._now_s(), stand=self._driver.has_base)
+
+    def _stamp_s(self, topic: str, header: Any) -> float:
+        """When a message was taken; one without a stamp is of now."""
+        stamp_s, now_s = self._seconds(header.stamp), self._now_s()
+        if stamp_s != 0.0 or now_s < UNSTAMPED_S:
+            return stamp_s
+        if topic not in self._unstamped:
+            self._unstamped.add(topic)
+            LOG.warning(
+                "%s is stamped 0: it is taken to be of the moment it comes; have its driver stamp it", topic
+            )
+        return now_s
 
     def _take_scan(self, message: Any) -> None:
-        stamp_s, now_s = self._seconds(message.header.stamp), self._now_s()
+        stamp_s, now_s = self._stamp_s("scan", message.header), self._now_s()
         # In simulation the clock is a topic as well, and may come after the scan of its time; not much after.
         if self._simulated and now_s < stamp_s <= now_s + CLOCK_LATE_PERIODS * self._driver.period_s:
             now_s = stamp_s
         self._deliver(self._driver.take_scan(scan_of(message, stamp_s), now_s), now_s)
 
     def _deliver(self, report: Report | None, now_s: float) -> None:
-        if report is None or self._ended:
+        if report is None:
             return
         made_s = self._now_s()
         if report.send and any(report.command.twist) and made_s > now_s + self._driver.period_s:
@@ -95,11 +129,14 @@ class DriveTopics:
         self._outbox.deliver(report, now_s)
 
     def _take_odometry(self, message: Any) -> None:
-        self._driver.take_odometry(odometry_of(message, self._seconds(message.header.stamp)))
+        odometry = odometry_of(message, self._stamp_s("odom", message.header))
+        self._driver.take_odometry(odometry, getattr(message.header, "frame_id", ""))
 
     def _take_pose(self, message: Any) -> None:
         header = message.header
-        self._driver.take_pose(pose_of(message.pose.pose), header.frame_id, self._seconds(header.stamp))
+        self._driver.take_pose(
+            pose_of(message.pose.pose), header.frame_id, self._stamp_s("amcl_pose", header)
+        )
 
     def _take_goal(self, message: Any) -> None:
         with contextlib.suppress(GoalRefused):  # logged, and in the status

@@ -1,5 +1,6 @@
 """ROS messages and our types. Both generations name packages, messages and fields alike; only stamps differ."""
 
+import math
 from functools import cache
 from importlib import import_module
 from typing import Any
@@ -38,6 +39,7 @@ def scan_of(message: Any, stamp_s: float) -> Scan:
         ranges=np.asarray(message.ranges),
         angle_min_rad=message.angle_min,
         angle_increment_rad=message.angle_increment,
+        angle_max_rad=getattr(message, "angle_max", math.nan),
         range_min_m=message.range_min,
         range_max_m=message.range_max,
         stamp_s=stamp_s,
@@ -61,9 +63,9 @@ def point_of(pose: Any) -> tuple[float, float]:
     return pose.position.x, pose.position.y
 
 
-def status_message(new: New, report: Report, hardware: str, header: Any) -> Any:
-    """A diagnostic_msgs/DiagnosticArray with one status."""
-    values = status_values(report)
+def status_message(new: New, report: Report, hardware: str, header: Any, policy: str | None = None) -> Any:
+    """A diagnostic_msgs/DiagnosticArray with one status. policy: what is to be said of it, if anything."""
+    values = status_values(report) | ({} if policy is None else {"policy": policy})
     level = OK
     if report.outcome == "failed" or (report.refusal is not None and report.goal is None):
         level = ERROR
@@ -73,11 +75,20 @@ def status_message(new: New, report: Report, hardware: str, header: Any) -> Any:
         STATUS,
         level=level,
         name="adrl: navigation",
-        message=report.message or ", ".join(filter(None, (values["status"], values["reasons"]))),
+        message=report.message or ", ".join(filter(None, (_doing(report), values["reasons"]))),
         hardware_id=hardware,
         values=[new("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in values.items()],
     )
     return new("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status])
+
+
+def _doing(report: Report) -> str:
+    """In words, with the goal in its frame."""
+    status = report.command.status
+    if report.goal is None:
+        return status
+    x, y = report.goal
+    return f"{status} on the way to ({x:.2f}, {y:.2f}) in {report.goal_frame}"
 
 
 def status_values(report: Report) -> dict[str, str]:

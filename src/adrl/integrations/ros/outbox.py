@@ -2,6 +2,7 @@
 
 import logging
 import math
+import threading
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -29,14 +30,20 @@ class Outbox:
         publish: Mapping[str, Publish],
         header: Callable[[float, str], Any],
         new: New,
+        wall_s: Callable[[], float],
+        policy: str | None,
     ) -> None:
         """publish: of topic -> cmd_vel, plan and adrl/status. header(stamp_s, frame): a std_msgs/Header. new: makes the
-        messages."""
+        messages. wall_s: a clock that nobody sets. policy: what the status says of it, if anything."""
         self._config = config
         self._robot = robot
         self._publish = publish
         self._header = header
         self._new = new
+        self._wall_s = wall_s
+        self._policy = policy
+        self._lock = threading.Lock()
+        self._closed = False
         self._told: tuple[Any, ...] = ()
         self._told_s = self._planned_s = -math.inf
         self._plan_of: int | None = None
@@ -44,12 +51,22 @@ class Outbox:
 
     def deliver(self, report: Report, now_s: float) -> None:
         """Publish what is due."""
-        if report.send:
-            self.command(report.command.twist, now_s)
-        self._tell(report, now_s)
-        self._show_plan(report, now_s)
+        with self._lock:
+            if self._closed:
+                return
+            if report.send:
+                self._command(report.command.twist, now_s)
+            self._tell(report, now_s)
+            self._show_plan(report, now_s)
 
-    def command(self, speeds: Twist, now_s: float) -> None:
+    def close(self, now_s: float, *, stand: bool) -> None:
+        """Publish nothing more, whatever thread is on its way; before that, with stand, tell the base to stand."""
+        with self._lock:
+            if stand and not self._closed:
+                self._command((0.0, 0.0), now_s)
+            self._closed = True
+
+    def _command(self, speeds: Twist, now_s: float) -> None:
         """Tell the base."""
         message = twist(self._new, speeds)
         if self._config.stamped:
@@ -60,9 +77,10 @@ class Outbox:
     def _tell(self, report: Report, now_s: float) -> None:
         reasons = set(report.command.reasons) - {"limited"}
         told = (report.command.status, reasons, report.outcome, report.refusal, report.goals)
-        if told != self._told or not 0.0 <= now_s - self._told_s < STATUS_S:
-            self._told, self._told_s = told, now_s
-            status = status_message(self._new, report, self._robot, self._header(now_s, ""))
+        wall_s = self._wall_s()
+        if told != self._told or not 0.0 <= wall_s - self._told_s < STATUS_S:
+            self._told, self._told_s = told, wall_s
+            status = status_message(self._new, report, self._robot, self._header(now_s, ""), self._policy)
             self._publish["adrl/status"](status)
 
     def _show_plan(self, report: Report, now_s: float) -> None:

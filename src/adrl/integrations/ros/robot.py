@@ -2,18 +2,24 @@
 
 import contextlib
 import dataclasses
+import logging
 from collections.abc import Iterator
 
 import numpy as np
 
+from adrl import _core
 from adrl.deploy import Odometry, Pose, Twist
 from adrl.envs import NavSim
 from adrl.envs.nav_sim import Body
+from adrl.errors import ConfigError
 from adrl.geometry import compose, inverse
 from adrl.integrations.ros.config import SimConfig
+from adrl.integrations.ros.obstacles import nearest_obstacle
 from adrl.simulators import find_simulator
 from adrl.types import Array, RobotConfig, Task
 from adrl.worlds import load_robot, task_set
+
+LOG = logging.getLogger("adrl.sim")
 
 WATCHDOG_PERIODS = 2
 """Control periods without a command after which the base stops."""
@@ -43,6 +49,8 @@ class SimulatedRobot:
         """For as long as the context lasts, as a Gazebo has to be ended. Raises AdrlError."""
         robot = load_robot(config.robot)
         task = task_set(config.load(), robot, "test", 1, first=config.task)[0]
+        if config.start is not None:
+            task = _from(task, config.start, robot)
         simulator = find_simulator(config.simulator)
         with contextlib.nullcontext() if simulator is None else simulator(robot, seed=config.seed) as body:
             yield cls(task, robot, config.seed, body)
@@ -88,6 +96,17 @@ class SimulatedRobot:
         self.steps += 1
         if self._sim.b["collided"][0]:
             self.collisions += 1
+            x, y, _ = self.pose
+            LOG.warning(
+                "collision %d: at (%.2f, %.2f) it hit %s; it is put back to its start (%.2f, %.2f, %.2f)",
+                *(
+                    self.collisions,
+                    x,
+                    y,
+                    nearest_obstacle(self._task.world, (x, y), float(self._sim.b["time"][0])),
+                ),
+                *self._task.start,
+            )
             self._seed += 1
             self._restart()
 
@@ -95,3 +114,17 @@ class SimulatedRobot:
         seeds = np.array([self._seed], np.uint64)
         self._sim.reset(np.array([0]), [self._task], seeds, np.random.default_rng(self._seed))
         self._sim.b["command"][0] = 0.0
+
+
+def _from(task: Task, start: Pose, robot: RobotConfig) -> Task:
+    """The task with another start. Raises ConfigError for one where the robot cannot be."""
+    if not np.isfinite(start).all():
+        raise ConfigError(f"start is {start}; give x, y and yaw, in metres and radians")
+    pose = np.array([start])
+    clearance = _core.clearance(task.world.native, pose, robot.radius_m or 0.0, robot.polygon, 1.0)
+    if clearance[0] <= 0.0:
+        hit = nearest_obstacle(task.world, start[:2], 0.0)
+        raise ConfigError(
+            f"start {start} is in collision: robot {robot.name!r} would overlap {hit}; move it away"
+        )
+    return dataclasses.replace(task, start=start)

@@ -1,5 +1,6 @@
 """The simulated robot's node of either generation, but for the middleware."""
 
+import logging
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -9,6 +10,8 @@ from adrl.integrations.ros.config import SimConfig
 from adrl.integrations.ros.messages import new_message
 from adrl.integrations.ros.outbox import Publish
 from adrl.integrations.ros.robot import SimulatedRobot
+
+LOG = logging.getLogger("adrl.sim")
 
 NAME = "adrl_sim"
 """Of the node."""
@@ -53,6 +56,12 @@ class SimTopics:
         self._free = config.speed == 0.0
         self._advanced_s = time.monotonic()
         self._count()
+        x, y, yaw = robot.pose
+        names = [*(name for name in PUBLICATIONS if name != "amcl_pose" or config.localised), "cmd_vel"]
+        LOG.info(
+            "robot %s at (%.2f, %.2f, %.2f) in %s; topics %s (in)",
+            *(robot.robot.name, x, y, yaw, config.map_frame, ", ".join(names)),
+        )
 
     @property
     def tick_s(self) -> float:

@@ -1,9 +1,12 @@
 """What both nodes have: rospy from the distribution, parameters, topics, stamps."""
 
 import logging
+import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +21,9 @@ PACKAGES = (
     "python3-rospy python3-sensor-msgs python3-nav-msgs python3-geometry-msgs python3-std-msgs "
     "python3-diagnostic-msgs"
 )
+
+FLUSH_S = 0.1
+"""rospy's publishers have threads of their own, which are not waited for at the end."""
 
 
 def import_rospy() -> Any:
@@ -34,12 +40,44 @@ def import_rospy() -> Any:
     return rospy
 
 
-def start(name: str, config: Config, ros_arguments: Sequence[str]) -> tuple[Any, Config]:
-    """rospy with a node, and the settings with the values of its private parameters. Raises AdrlError."""
+@contextmanager
+def a_node(name: str, config: Config, ros_arguments: Sequence[str]) -> Iterator[tuple[Any, Config]]:
+    """rospy with a node for as long as the context lasts, and the settings with the values of its private parameters.
+
+    Raises AdrlError.
+    """
     rospy = import_rospy()
-    rospy.init_node(name, argv=["adrl", *ros_arguments])
+    # Signals are ours: rospy shuts down within its handler, which waits for ever where the main thread is publishing.
+    rospy.init_node(name, argv=["adrl", *ros_arguments], disable_signals=True)
     log_to({logging.INFO: rospy.loginfo, logging.WARNING: rospy.logwarn, logging.ERROR: rospy.logerr})
-    return rospy, with_parameters(config, lambda key, default: rospy.get_param(f"~{key}", default))
+    try:
+        yield rospy, with_parameters(config, lambda key, default: rospy.get_param(f"~{key}", default))
+    finally:
+        rospy.signal_shutdown("the node ends")
+
+
+def spin(rospy: Any, call: Callable[[], None], pause_s: float) -> None:
+    """Call it again and again, pause_s of real time after it began, until SIGINT, SIGTERM or a shutdown by ROS."""
+    told: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: told.append(number))
+    due_s = time.monotonic()
+    while not told and not rospy.is_shutdown():
+        call()
+        due_s = max(due_s + pause_s, time.monotonic())
+        time.sleep(max(due_s - time.monotonic(), 0.0))
+
+
+def before_shutdown(rospy: Any, call: Callable[[], None]) -> None:
+    """Call it while the topics are still open, whoever ends the node, and let what it publishes get away."""
+
+    def last() -> None:
+        call()
+        time.sleep(FLUSH_S)
+
+    rospy.on_shutdown(
+        last
+    )  # rospy's own hooks, which close the topics, come before preshutdown hooks of others
 
 
 def publisher(rospy: Any, topic: str, kind: str, *, latched: bool = False) -> Publish:

@@ -1,6 +1,5 @@
 """adrl ros1 sim: a simulated robot on the topics of one."""
 
-import time
 from collections.abc import Sequence
 
 from adrl.integrations.ros.config import SimConfig
@@ -11,18 +10,13 @@ from adrl.integrations.ros1 import node as ros
 
 def sim(config: SimConfig, ros_arguments: Sequence[str]) -> None:
     """Run the node until it is told to end. Raises AdrlError."""
-    rospy, config = ros.start(NAME, config, ros_arguments)
-    publish = {
-        topic: ros.publisher(rospy, topic, kind, latched=topic in LATCHED)
-        for topic, kind in PUBLICATIONS.items()
-    }
-    with SimulatedRobot.of(config) as robot:
-        topics = SimTopics(config, robot, publish, ros.header)
-        alone = ros.Alone()
-        ros.subscribe(rospy, "cmd_vel", subscription(config), alone(topics.take_command))
-        tick, due_s = alone(topics.tick), time.monotonic()
-        while not rospy.is_shutdown():
-            # Real time: the simulated one is what this node publishes.
-            due_s = max(due_s + topics.tick_s, time.monotonic())
-            time.sleep(due_s - time.monotonic() if due_s > time.monotonic() else 0.0)
-            tick()
+    with ros.a_node(NAME, config, ros_arguments) as (rospy, config):
+        publish = {
+            topic: ros.publisher(rospy, topic, kind, latched=topic in LATCHED)
+            for topic, kind in PUBLICATIONS.items()
+        }
+        with SimulatedRobot.of(config) as robot:
+            topics = SimTopics(config, robot, publish, ros.header)
+            alone = ros.Alone()
+            ros.subscribe(rospy, "cmd_vel", subscription(config), alone(topics.take_command))
+            ros.spin(rospy, alone(topics.tick), topics.tick_s)

@@ -19,19 +19,18 @@ def drive(config: DriveConfig, ros_arguments: Sequence[str]) -> None:
             for topic, kind in publications(config).items()
         }
         clock = node.get_clock()
-        simulated = bool(node.get_parameter("use_sim_time").value)
         topics = DriveTopics(
             config,
             publish,
             now_s=lambda: 1e-9 * clock.now().nanoseconds,
             seconds=ros.seconds,
             header=ros.header,
-            simulated=simulated,
+            simulated=bool(node.get_parameter("use_sim_time").value),
         )
         for topic, (kind, take) in topics.subscriptions().items():
             qos = ros.SENSOR if topic in SENSORS else ros.LATCHED if topic in LATCHED else ros.RELIABLE
             ros.subscribe(node, topic, kind, take, qos)
-        node.create_timer(topics.tick_s, topics.tick, clock=clock if simulated else ros.steady_clock())
+        node.create_timer(topics.tick_s, topics.tick, clock=ros.steady_clock())
         try:
             ros.spin(node)
         finally:

@@ -1,0 +1,40 @@
+"""What the tests of both generations of ROS have."""
+
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from adrl.integrations.ros1.node import DIST_PACKAGES
+from integrations.ros_processes import Ros
+
+SOURCE = Path(__file__).resolve().parents[2]
+
+
+def ros2_python() -> Path:
+    return Path(os.environ.get("ADRL_ROS2") or SOURCE / ".venv-ros2") / "bin" / "python"
+
+
+@pytest.fixture(params=["ros2", "ros1"])
+def ros(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Ros]:
+    """A generation of ROS. Where it is not: skipped, in CI failed."""
+    if request.param == "ros2":
+        missing = "" if ros2_python().exists() else "no ROS 2; run make ros2"
+    else:
+        there = (DIST_PACKAGES / "rospy").is_dir() and shutil.which("rosmaster")
+        missing = "" if there else "no ROS 1; on Debian: apt-get install python3-rospy python3-rosmaster"
+    if missing:
+        (pytest.fail if os.environ.get("CI") == "true" else pytest.skip)(missing)
+    generation = 2 if request.param == "ros2" else 1
+    python = ros2_python() if generation == 2 else Path(sys.executable)
+    running = Ros(generation, python, tmp_path)
+    yield running
+    running.close()
+
+
+@pytest.fixture
+def a_map(shared_data: Path) -> str:
+    return str(shared_data / "maps" / "turtlebot3_world" / "map.yaml")
