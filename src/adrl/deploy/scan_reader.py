@@ -12,6 +12,8 @@ LOG = logging.getLogger("adrl.deploy")
 
 LONGEST_SCAN_S = 1.0
 """No LiDAR turns slower."""
+FARTHEST_M = 1000.0
+"""No planar LiDAR reaches farther; what it says beyond is without end."""
 FULL_CIRCLE_RAD = 1.01 * 2.0 * math.pi
 """Beams that reach farther round are those of a wrong increment."""
 OFF_BEAMS = 2.0
@@ -51,10 +53,12 @@ class ScanReader:
             self._pass_over(
                 "range_max", f"{most:g} m with a range_min of {least:g} m", "all ranges are believed"
             )
-            least, changes = 0.0, {"range_min_m": 0.0, "range_max_m": math.inf}
+            least, most, changes = 0.0, math.inf, {"range_min_m": 0.0}
         if not 0.0 <= least < math.inf:
             self._pass_over("range_min", f"{least:g} m", "0 is taken")
             changes["range_min_m"] = 0.0
+        if most > FARTHEST_M:
+            changes["range_max_m"] = FARTHEST_M
         return changes
 
     def _angles(self, scan: Scan) -> dict[str, float]:
