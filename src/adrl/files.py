@@ -37,6 +37,18 @@ def read_bytes(path: str | os.PathLike[str], most_bytes: int) -> bytes:
     return content
 
 
+def require_ordinary(path: str | os.PathLike[str]) -> None:
+    """For a file that a library opens by itself: it exists, and is no device, pipe or folder. Raises FileError."""
+    try:
+        mode = os.stat(path).st_mode
+    except FileNotFoundError:
+        raise FileError("does not exist") from None
+    except (OSError, ValueError) as error:
+        raise FileError(f"cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if not stat.S_ISREG(mode):
+        raise FileError("cannot be read: it is no ordinary file")
+
+
 def read_text(path: str | os.PathLike[str], most_bytes: int) -> str:
     """The same of a text in UTF-8, with or without a byte order mark. Raises FileError."""
     try:

@@ -67,7 +67,7 @@ def run(packages: list[str], code: str, arguments: list[str]) -> subprocess.Comp
 @pytest.mark.integration
 def test_the_listed_packages_are_enough_for_nodes_and_maps(shared_data: Path) -> None:
     drive, commands, maps = lines()
-    assert drive == ["numpy", "safetensors"]
+    assert drive == ["msgspec", "numpy", "safetensors"]
     for arguments in NODES:
         done = run(drive + commands, COMMAND, arguments)
         assert done.returncode == 2

@@ -81,9 +81,18 @@ FAULTS: dict[str, tuple[Callable[[Path], object], str]] = {
     "cut at the end": (lambda p: cut(p, 0.99), "truncated"),
     "empty file": (lambda p: cut(p, 0.0), "truncated"),
     "foreign metadata": (lambda p: (p / "data" / "metadata.json").write_text("{}"), "metadata.json lacks"),
-    "torn metadata": (lambda p: (p / "data" / "metadata.json").write_text('{"total'), "truncated"),
-    "list metadata": (lambda p: (p / "data" / "metadata.json").write_text("[]"), "truncated"),
-    "no spaces": (lambda p: edit_metadata(p, observation_space=None), "lacks spaces"),
+    "torn metadata": (
+        lambda p: (p / "data" / "metadata.json").write_text('{"total'),
+        "metadata.json is not valid JSON",
+    ),
+    "list metadata": (
+        lambda p: (p / "data" / "metadata.json").write_text("[]"),
+        "metadata.json is of another form",
+    ),
+    "no spaces": (
+        lambda p: edit_metadata(p, observation_space=None),
+        "metadata.json lacks observation_space",
+    ),
     "unknown format": (lambda p: edit_metadata(p, data_format="pickle"), "not a Minari dataset"),
     "more episodes": (lambda p: edit_metadata(p, total_episodes=10_000), "truncated"),
     "no episodes": (lambda p: edit_metadata(p, total_episodes=0), "no step"),
@@ -164,7 +173,7 @@ def test_loading_runs_no_code(dataset: Path) -> None:
     edit_metadata(dataset, env_spec=hostile)
     load_minari(dataset)
     edit_metadata(dataset, observation_space=None)
-    with pytest.raises(DatasetError, match="lacks spaces"):
+    with pytest.raises(DatasetError, match="lacks observation_space"):
         load_minari(dataset)
 
 

@@ -475,7 +475,7 @@ def test_the_first_jobs_alone_make_tables_and_figures(tmp_path: Path, ended: str
 
 
 def test_missing_and_broken_files_are_named(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(CheckpointError, match=r"about\.json: no such file"):
+    with pytest.raises(CheckpointError, match=r"about\.json does not exist"):
         kept.load(tmp_path)
     shutil.copy(folder / "about.json", tmp_path)
     with pytest.raises(CheckpointError, match="no job has ended yet"):

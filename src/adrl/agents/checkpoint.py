@@ -7,20 +7,21 @@
 A kill between any two system calls leaves the newest complete folder or the one before it.
 """
 
-import json
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, NotRequired, TypedDict
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
-from adrl.errors import CheckpointError
-from adrl.files import sync, write_json
+from adrl.errors import CheckpointError, FileError
+from adrl.files import require_ordinary, sync, write_json
+from adrl.json_files import checked, read_json
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -116,27 +117,31 @@ def _shown(value: Any) -> str:
     return repr(value)
 
 
+class _State(TypedDict):
+    """What is the same in the state of every kind of run."""
+
+    schema_version: int
+    parts: list[Annotated[str, Meta(pattern=r"^\w+$")]]
+    config: NotRequired[dict[str, Any]]
+
+
 def _read_state(path: Path) -> dict[str, Any]:
     try:
-        state = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise CheckpointError(
-            f"{path}: no such file; the checkpoint is incomplete, delete its folder"
-        ) from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise CheckpointError(f"{path}: truncated, or not a JSON file ({error})") from None
-    if not isinstance(state, dict) or state.get("schema_version") != SCHEMA_VERSION:
-        raise CheckpointError(f"{path}: not a checkpoint of this version of ADRL")
+        state = read_json(path, dict[str, Any])
+        if state.get("schema_version") != SCHEMA_VERSION:
+            raise CheckpointError(f"{path}: not a checkpoint of this version of ADRL")
+        checked(state, _State)
+    except FileError as error:
+        raise CheckpointError(f"{path} {error}; the checkpoint is damaged, delete its folder") from None
     return state
 
 
 def _read_arrays(path: Path) -> Arrays:
     try:
+        require_ordinary(path)
         return load_file(path)
-    except FileNotFoundError:
-        raise CheckpointError(
-            f"{path}: no such file; the checkpoint is incomplete, delete its folder"
-        ) from None
+    except FileError as error:
+        raise CheckpointError(f"{path} {error}; the checkpoint is damaged, delete its folder") from None
     except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"{path}: truncated, or not a safetensors file ({error})") from None
 

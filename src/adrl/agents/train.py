@@ -17,9 +17,10 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, Any, NoReturn, NotRequired, TypedDict
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from adrl.agents import budget, checkpoint
@@ -36,8 +37,9 @@ from adrl.agents.metrics import (
 )
 from adrl.agents.replay import Demonstrations
 from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy
-from adrl.errors import CheckpointError, ConfigError
+from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.imitation.probe import Probe
+from adrl.json_files import checked
 from adrl.observation import Mirror
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import reward
@@ -92,6 +94,26 @@ def train(
         return run.finish()
     finally:
         run.close()
+
+
+Count = Annotated[int, Meta(ge=0)]
+
+
+class _State(TypedDict):
+    """A checkpoint's state.json, as _save writes it."""
+
+    config: dict[str, Any]
+    rng: dict[str, Any]
+    learner: dict[str, Any]
+    tally: dict[str, Any]
+    env_steps: Count
+    logged_at: Count
+    validated_at: NotRequired[Count]
+    train_success: float | None
+    success: float | None
+    returns: list[float]
+    wall_s: Annotated[float, Meta(ge=0.0)]
+    metrics_bytes: Count
 
 
 class _Run:
@@ -348,8 +370,8 @@ class _Run:
 
     def _restore(self, saved: checkpoint.Checkpoint) -> int:
         """Take its state; returns the length of the metrics log of then, in bytes."""
-        state = saved.state
         try:
+            state = checked(saved.state, _State)
             checkpoint.require_same(saved.path, self._without_constants(state["config"]), self._identity())
             self.learner.restore(saved.part("learner"), state["learner"])
             self.learner.replay.set_state(saved.part("replay"))
@@ -357,7 +379,7 @@ class _Run:
             loop = saved.part("loop")
             self._observation = loop.pop("observation")
             self._tally = EpisodeTally(**loop, **state["tally"])
-            self._returns = list(state["returns"])
+            self._returns = state["returns"]
             self._rng.bit_generator.state = state["rng"]
             self._env_steps, self._logged_at = state["env_steps"], state["logged_at"]
             self._validated_at = state.get(
@@ -365,13 +387,17 @@ class _Run:
             )  # absent from checkpoints before there was a last one
             self._train_success, self._success = state["train_success"], state["success"]
             self._started_s -= state["wall_s"]
-            return int(state["metrics_bytes"])
+            return state["metrics_bytes"]
         except CheckpointError as error:
             # What a part refuses does not know which checkpoint it came from.
             raise (
                 error if str(self.out) in str(error) else CheckpointError(f"{saved.path}: {error}")
             ) from None
-        except (KeyError, TypeError, ValueError) as error:
+        except FileError as error:
+            raise CheckpointError(
+                f"{saved.path / checkpoint.STATE_FILE} {error}; delete the checkpoint"
+            ) from None
+        except (AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError) as error:
             raise CheckpointError(
                 f"{saved.path}: not a checkpoint of this kind of run ({error!r})"
             ) from error

@@ -1,10 +1,9 @@
 """The comparison from nothing, or from where it was stopped, to its tables."""
 
-import json
 from collections.abc import Callable, Container
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from adrl import files
 from adrl.agents.budget import require_end
@@ -15,8 +14,9 @@ from adrl.comparison.jobs import EPISODES_FILE, Job, all_jobs, concatenated, is_
 from adrl.comparison.pool import log_path, run_all
 from adrl.comparison.ray_pool import require_ray, run_on_ray
 from adrl.comparison.results import markdown, method_rows, read_runs
-from adrl.errors import CheckpointError, ConfigError
+from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.evaluation.results import write_table
+from adrl.json_files import read_json
 from adrl.outputs import locked, require_folder
 from adrl.types import without_constants
 
@@ -78,6 +78,11 @@ def _run(
     return Comparison(rows, {job.name: log_path(config, job) for job in failed})
 
 
+class _Claimed(TypedDict):
+    settings: dict[str, Any]
+    methods: dict[str, dict[str, Any]]
+
+
 def claim(config: CompareConfig, folder: Path) -> None:
     """Write what a folder's results share, and what its methods are; methods may be added.
 
@@ -87,11 +92,13 @@ def claim(config: CompareConfig, folder: Path) -> None:
     known: dict[str, Any] = {}
     if path.exists():
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-            found = without_constants(CompareConfig, content["settings"])
-            known = {name: without_constants(TrainConfig, of) for name, of in content["methods"].items()}
-        except (ValueError, KeyError, TypeError, AttributeError):
-            raise CheckpointError(f"{path}: not the settings of a comparison; give another folder") from None
+            content = read_json(path, _Claimed)
+        except FileError as error:
+            raise CheckpointError(
+                f"{path} {error}; these are not the settings of a comparison: give another folder"
+            ) from None
+        found = without_constants(CompareConfig, content["settings"])
+        known = {name: without_constants(TrainConfig, of) for name, of in content["methods"].items()}
         if lines := differences(found, settings):
             raise ConfigError(
                 f"{folder} holds results of other settings ({'; '.join(lines)}); "

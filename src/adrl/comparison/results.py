@@ -1,23 +1,22 @@
 """From the result of each training to one row a method. The training seed is the unit of every interval."""
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict
 
 import numpy as np
 
 from adrl import api
 from adrl.agents.metrics import METRICS_FILE
-from adrl.baselines.planners import PLANNERS
 from adrl.comparison.jobs import EPISODES_FILE, RESULT_FILE
-from adrl.errors import CheckpointError
+from adrl.errors import CheckpointError, FileError
 from adrl.evaluation.learning_time import median_seconds_to_level, seconds_to_level
 from adrl.evaluation.metrics import COMMON, means_on_common_tasks
 from adrl.evaluation.results import plain_table, read_table
 from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
+from adrl.json_files import checked, read_json
 from adrl.report.metrics_log import read_metrics
 
 if TYPE_CHECKING:
@@ -52,19 +51,43 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
     for folder in folders:
         path = folder / RESULT_FILE
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
+            content = read_json(path, _Result)
             method, seed = content["method"], content["seed"]
             seconds = math.nan if seed is None else _seconds_to_90(folder / METRICS_FILE)
             outcomes = {} if seed is None or planner is None else _outcomes(folder)
             for summary in content["evaluations"]:
+                _require_summary(summary)
                 own = outcomes.get(summary["guidance"])
                 beside = {} if own is None or planner is None else means_on_common_tasks(own, planner)
                 runs.append(Run(method, seed, summary, seconds, beside))
-        except (ValueError, KeyError, TypeError) as error:
+        except FileError as error:
+            raise CheckpointError(f"{path} {error}; delete it and run again") from None
+        except KeyError as error:
             raise CheckpointError(
-                f"{path}: not a result of adrl compare ({error!r}); delete it and run again"
+                f"{folder}: its episodes are of other evaluations ({error}); delete it and run again"
             ) from None
     return runs
+
+
+class _Guidance(TypedDict):
+    guidance: str
+
+
+class _Result(TypedDict):
+    """What is read of the summary.json of a job."""
+
+    method: str
+    seed: int | None
+    evaluations: list[dict[str, Any]]
+
+
+def _require_summary(summary: dict[str, Any]) -> None:
+    """It has a guidance, and all metrics as numbers, or None where undefined. Raises FileError."""
+    checked(summary, _Guidance)
+    names = [*(name + end for name in MEANS for end in ("", "_low", "_high")), *TRAINING]
+    if lacking := [name for name in names if name not in summary]:
+        raise FileError(f"lacks {lacking[0]} of an evaluation")
+    checked({name: summary[name] for name in names}, dict[str, float | None])
 
 
 def _outcomes(folder: Path) -> dict[str, dict[str, Any]]:
@@ -134,7 +157,6 @@ def _reference_row(run: Run) -> Row:
     row: Row = {"method": run.method, "guidance": summary["guidance"], "seeds": None}
     row |= {name + end: summary[name + end] for name in MEANS for end in ("", "_low", "_high")}
     nothing = ("seconds_to_90", "seeds_to_90", "success_worst", *TRAINING, *COMMON)
-    row["warnings"] = summary.get("warnings", [])
     return row | dict.fromkeys(nothing) | _entry("success_iqm", None) | _entry("improvement", None)
 
 
@@ -205,20 +227,7 @@ def _cell(row: Row, column: _Column) -> tuple[str, str]:
 
 def _note(row: Row) -> str:
     """What is said of a row besides its method."""
-    return (
-        f"{row['guidance']}, {untrained(row)}"
-        if row["seeds"] is None
-        else f"{row['guidance']}, n={row['seeds']}"
-    )
-
-
-def untrained(row: Row) -> str:
-    """What a method without seeds is."""
-    return "planner" if row["method"] in PLANNERS else "as it is"
-
-
-def _warnings(rows: Sequence[Row]) -> list[str]:
-    return [f"WARNING: {line}" for row in rows for line in row.get("warnings", ())]
+    return f"{row['guidance']}, planner" if row["seeds"] is None else f"{row['guidance']}, n={row['seeds']}"
 
 
 def markdown(rows: Sequence[Row], title: str, missing: Sequence[str] = ()) -> str:
@@ -230,8 +239,6 @@ def markdown(rows: Sequence[Row], title: str, missing: Sequence[str] = ()) -> st
         texts = [value + (f" [{interval}]" if interval else "") for value, interval in cells]
         lines.append("| " + " | ".join([row["method"], _note(row), *texts]) + " |")
     lines += ["", CAPTION + "."]
-    for line in _warnings(rows):
-        lines += ["", line]
     if missing:
         lines += ["", f"Not in it yet: {', '.join(missing)}."]
     return "\n".join(lines) + "\n"
@@ -241,7 +248,7 @@ def rich_table(rows: Sequence[Row], title: str) -> "Table":
     """The table for a terminal: each estimate above its interval. Fits 80 columns."""
     from rich.text import Text
 
-    table = plain_table(title, "\n".join([CAPTION, *_warnings(rows)]), padding=0)
+    table = plain_table(title, CAPTION, padding=0)
     table.add_column("method", overflow="fold", min_width=10)
     for column in _COLUMNS:
         table.add_column(column.heading.replace(" ", "\n"), justify="right", no_wrap=True)

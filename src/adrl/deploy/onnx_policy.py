@@ -1,14 +1,15 @@
 """A model that adrl export wrote, run by ONNX Runtime: the encoder is inside, so it takes measurements."""
 
-import json
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypedDict
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from adrl.deploy.policy import fingerprint, read_model
-from adrl.errors import CheckpointError, ConfigError, MissingExtra
+from adrl.errors import CheckpointError, ConfigError, FileError, MissingExtra
+from adrl.json_files import parse_json
 from adrl.observation import Measurements
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import RobotConfig
@@ -18,6 +19,10 @@ INPUTS = ("ranges", "goal", "twist", "last_action")
 PAST_INPUTS = ("past_ranges", "pose", "past_pose")
 """Those of a model with motion cues beside these."""
 METADATA = ("robot", "encoder", "guidance", "method", "maturity")
+
+
+class _Encoder(TypedDict, total=False):
+    history_steps: Annotated[int, Meta(ge=0, le=50)]
 
 
 class OnnxPolicy:
@@ -37,12 +42,12 @@ class OnnxPolicy:
         self._inputs = tuple(inputs)
         self._beams = inputs["ranges"][1]
         try:
-            encoder = json.loads(about["encoder"])
-            self.robot: RobotConfig = robot_from_fields(json.loads(about["robot"]))
-            self.encoder = Measurements(int(encoder.get("history_steps", 0)))
-            self.replanner = ReplannerConfig(**json.loads(about.get("replanner", "{}")))
-            self.maturity = float(about["maturity"])
-        except (ValueError, TypeError, AttributeError, ConfigError) as error:
+            encoder = parse_json(about["encoder"], _Encoder)
+            self.robot: RobotConfig = robot_from_fields(parse_json(about["robot"], dict[str, Any]))
+            self.encoder = Measurements(encoder.get("history_steps", 0))
+            self.replanner = ReplannerConfig(**parse_json(about.get("replanner", "{}"), dict[str, Any]))
+            self.maturity = parse_json(about["maturity"], float)
+        except (TypeError, ConfigError, FileError) as error:
             raise CheckpointError(f"{name}: its metadata is damaged ({error}); export it again") from None
         self.guidance, self.method = about["guidance"], about["method"]
 

@@ -1,17 +1,16 @@
 """A trained actor in numpy: what evaluation, robots and the training loop itself run."""
 
-import json
-import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from hashlib import sha256
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, TypedDict
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load as read_safetensors
@@ -19,6 +18,7 @@ from safetensors.numpy import save as pack_safetensors
 
 from adrl.errors import CheckpointError, FileError
 from adrl.files import atomic_write_bytes, read_bytes, write_json
+from adrl.json_files import checked, read_json
 from adrl.types import ACTION_SIZE
 
 F32 = NDArray[np.float32]
@@ -35,13 +35,16 @@ SHIPPED = {
 """The policies that ship with the package: name -> what each is for."""
 
 
+Size = Annotated[int, Meta(ge=1, le=65536)]
+
+
 @dataclass(frozen=True, kw_only=True)
 class PolicyConfig:
     """What a policy was trained for. Saved beside its weights."""
 
-    input_size: int
+    input_size: Size
     """D, the length of an observation."""
-    widths: tuple[int, ...]
+    widths: Annotated[tuple[Size, ...], Meta(min_length=1)]
     """Hidden units of each layer."""
     robot: Mapping[str, Any] = field(default_factory=dict)
     """Fields of the RobotConfig."""
@@ -49,7 +52,7 @@ class PolicyConfig:
     """Fields of the EncoderConfig."""
     guidance: str = "goal"
     method: str = "adrl"
-    maturity: float = 0.0
+    maturity: Annotated[float, Meta(ge=0.0, le=1.0)] = 0.0
     """S at the end of training; the replanner's thresholds follow it (eq 20)."""
     extra: Mapping[str, Any] = field(default_factory=dict)
     """Anything else that config.json holds: scenario, training time, budget, ..."""
@@ -136,10 +139,10 @@ def load_policy(folder: str | os.PathLike[str]) -> MlpPolicy:
     config = _read_config(Path(folder) / CONFIG_FILE)
     path = Path(folder) / WEIGHTS_FILE
     try:
-        tensors = read_safetensors(path.read_bytes())
-    except FileNotFoundError:
-        raise CheckpointError(f"{path}: no such file; give the folder of a finished training run") from None
-    except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
+        tensors = read_safetensors(read_bytes(path, MAX_MODEL_BYTES))
+    except FileError as error:
+        raise CheckpointError(f"{path} {error}; give the folder of a finished training run") from None
+    except (SafetensorError, ValueError, KeyError, TypeError) as error:
         raise CheckpointError(f"{path}: truncated, or not a safetensors file ({error})") from None
     return MlpPolicy(_layers(path, tensors, config), config)
 
@@ -169,43 +172,42 @@ def _layers(path: Path, tensors: Mapping[str, NDArray[Any]], config: PolicyConfi
     return layers
 
 
+class _Environment(TypedDict, total=False):
+    worlds: list[str] | None
+    replanner: dict[str, Any]
+
+
+class _Reward(TypedDict, total=False):
+    constants: dict[str, Any]
+    maturity: float | None
+
+
+class _Extra(TypedDict, total=False):
+    """What is read of PolicyConfig.extra."""
+
+    schema_version: int
+    run: str
+    scenario: str
+    paper_literal: bool | None
+    environment: _Environment
+    reward: _Reward
+    settings: dict[str, Any]
+    train_seconds: float | None
+    env_steps: int | None
+    gradient_updates: int | None
+
+
 def _read_config(path: Path) -> PolicyConfig:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise CheckpointError(f"{path}: no such file; give the folder of a finished training run") from None
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise CheckpointError(f"{path}: not a readable JSON file ({error})") from None
-    if not isinstance(content, dict) or not {"schema_version", "input_size", "widths"} <= content.keys():
-        raise CheckpointError(f"{path}: not the config of an ADRL policy; it lacks input_size or widths")
-    if content.pop("schema_version") != SCHEMA_VERSION:
+        config = read_json(path, PolicyConfig)
+        checked(config.extra, _Extra)
+    except FileError as error:
+        raise CheckpointError(
+            f"{path} {error}; it is not a run's config.json: give the folder of a finished training run"
+        ) from None
+    extra = dict(config.extra)
+    if extra.pop("schema_version", None) != SCHEMA_VERSION:
         raise CheckpointError(
             f"{path}: written by another version of ADRL; schema_version is not {SCHEMA_VERSION}"
         )
-    known = {f.name for f in fields(PolicyConfig)} - {"extra"}
-    values: dict[str, Any] = {name: content.pop(name) for name in known & content.keys()}
-    _check_values(path, values)
-    values["widths"] = tuple(values["widths"])
-    return PolicyConfig(**values, extra=content)
-
-
-def _check_values(path: Path, values: Mapping[str, Any]) -> None:
-    def is_size(value: object) -> bool:
-        return isinstance(value, int) and not isinstance(value, bool) and 1 <= value <= 65536
-
-    widths = values["widths"]
-    checks = {
-        "input_size": is_size(values["input_size"]),
-        "widths": isinstance(widths, list) and len(widths) > 0 and all(is_size(w) for w in widths),
-        "robot": isinstance(values.get("robot", {}), dict),
-        "encoder": isinstance(values.get("encoder", {}), dict),
-        "guidance": isinstance(values.get("guidance", ""), str),
-        "method": isinstance(values.get("method", ""), str),
-        "maturity": isinstance(values.get("maturity", 0.0), (int, float))
-        and math.isfinite(values.get("maturity", 0.0)),
-    }
-    for name, good in checks.items():
-        if not good:
-            raise CheckpointError(
-                f"{path}: {name} is {values[name]!r}; the file was edited or is of another program"
-            )
+    return replace(config, extra=extra)

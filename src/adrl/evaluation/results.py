@@ -1,6 +1,5 @@
 """Result files of an evaluation (design section 9), and the table that compares several of them."""
 
-import json
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -18,6 +17,7 @@ from adrl.evaluation.statistics import (
     paired_rate_difference,
     wilson_interval,
 )
+from adrl.json_files import read_json
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -93,8 +93,8 @@ def require_results_folder(option: str, path: outputs.PathLike | None) -> None:
     if summary is None or not summary.exists():
         return
     try:
-        known = "split" in json.loads(files.read_text(summary, MAX_BYTES))
-    except (FileError, ValueError, TypeError, RecursionError):
+        known = "split" in read_json(summary, dict[str, Any])
+    except FileError:
         known = False
     if not known:
         raise ConfigError(f"{option} {path} holds results of something else; give another folder")

@@ -2,19 +2,21 @@
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from typing import Any
+from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as pack_safetensors
 
 from adrl import files
 from adrl.envs.nav_sim import NavSim, Outcome
-from adrl.errors import AdrlError, CheckpointError
+from adrl.errors import AdrlError, CheckpointError, FileError
 from adrl.evaluation.metrics import RATES
+from adrl.json_files import parse_json
 from adrl.observation import in_robot_frame
 from adrl.rewards import REWARD_TERMS, RewardConfig, reward_terms, weights
 from adrl.types import Array, OccupancyGrid, RobotConfig, Task, World
@@ -250,50 +252,93 @@ def write_traces(path: str | os.PathLike[str], traces: Traces) -> None:
     files.atomic_write_bytes(path, pack_safetensors(packed, metadata))
 
 
+class _WorldAbout(TypedDict):
+    bounds: tuple[float, float, float, float]
+    resolution_m: NotRequired[float]
+    origin: NotRequired[tuple[float, float, float]]
+
+
+class _EpisodeAbout(TypedDict):
+    task: int
+    ending: Literal["success", "collision", "timeout"]
+    world: Annotated[int, Meta(ge=0)]
+    goal: tuple[float, float]
+    goal_tolerance_m: float
+
+
+class _About(TypedDict):
+    """What stands beside the arrays, as JSON."""
+
+    schema_version: int
+    robot: dict[str, Any]
+    guidance: str
+    maturity: float
+    reward_terms: NotRequired[list[str]]
+    """REWARD_TERMS where it is absent, as all had them once."""
+    world: Annotated[int, Meta(ge=0)] | None
+    worlds: list[_WorldAbout]
+    episodes: list[_EpisodeAbout]
+
+
 def read_traces(path: str | os.PathLike[str]) -> Traces:
     """Read what write_traces wrote. Raises CheckpointError naming the file: missing, truncated or foreign."""
     try:
+        files.require_ordinary(path)
         with safe_open(path, framework="numpy") as stream:
-            about = json.loads((stream.metadata() or {})["traces"])
+            about = parse_json((stream.metadata() or {}).get("traces", "null"), _About)
             tensors = {name: stream.get_tensor(name) for name in stream.keys()}  # noqa: SIM118 - no mapping
         if about["schema_version"] != SCHEMA_VERSION:
             raise CheckpointError(f"{path}: written by another version of ADRL; evaluate again")
         return _unpack(about, tensors)
-    except FileNotFoundError:
-        raise CheckpointError(f"{path}: no such file; run adrl evaluate with --out first") from None
+    except FileError as error:
+        raise CheckpointError(f"{path} {error}; give the traces of adrl evaluate --out") from None
     except CheckpointError:
         raise
     except (AdrlError, SafetensorError, OSError, ValueError, KeyError, TypeError, IndexError) as error:
         raise CheckpointError(f"{path}: truncated, or not the traces of adrl evaluate ({error!r})") from error
 
 
-def _unpack(about: dict[str, Any], tensors: dict[str, NDArray[Any]]) -> Traces:
+def _unpack(about: _About, tensors: Mapping[str, NDArray[Any]]) -> Traces:
+    robot, terms = robot_from_fields(about["robot"]), tuple(about.get("reward_terms", REWARD_TERMS))
     worlds = [
         _world(entry, {name: tensors[f"world.{i}.{name}"] for name in _WORLD_ARRAYS})
         for i, entry in enumerate(about["worlds"])
     ]
     episodes = []
     for number, entry in enumerate(about["episodes"]):
-        arrays: dict[str, Any] = {
-            name: tensors[f"episode.{number}.{name}"] for name in ("path", *_STATES, *_STEPS)
-        }
-        if entry["ending"] not in RATES or len({len(arrays[name]) for name in _STATES}) != 1:
-            raise ValueError(f"episode {number} is malformed")
-        goal_x, goal_y = entry["goal"]
-        values = arrays | {"goal": (goal_x, goal_y), "world": worlds[entry["world"]]}
-        values |= {key: entry[key] for key in ("task", "ending", "goal_tolerance_m")}
-        episodes.append(Trace(**values))
-    ends = np.cumsum(tensors["routes.size"])
+        arrays = {name: tensors[f"episode.{number}.{name}"] for name in ("path", *_STATES, *_STEPS)}
+        _require_shapes(arrays, robot, terms)
+        episodes.append(Trace(**arrays, **entry | {"world": worlds[entry["world"]]}))  # pyright: ignore
+    tasks, sizes, positions = (tensors[f"routes.{name}"] for name in ("task", "size", "xy"))
+    ends = np.cumsum(sizes)
+    if tasks.shape != sizes.shape or (sizes < 1).any() or positions.shape != (sizes.sum(), 2):
+        raise ValueError("the routes are malformed")
+    if not np.isfinite(positions).all():
+        raise ValueError("a route holds a number that is not finite")
     return Traces(
-        robot=robot_from_fields(about["robot"]),
+        robot=robot,
         guidance=about["guidance"],
         maturity=about["maturity"],
-        terms=tuple(about.get("reward_terms", REWARD_TERMS)),  # as all had them once
+        terms=terms,
         world=None if about["world"] is None else worlds[about["world"]],
         episodes=episodes,
-        tasks=tensors["routes.task"],
-        routes=np.split(tensors["routes.xy"], ends[:-1]) if len(ends) else [],
+        tasks=tasks,
+        routes=np.split(positions, ends[:-1]) if len(ends) else [],
     )
+
+
+def _require_shapes(arrays: Mapping[str, NDArray[Any]], robot: RobotConfig, terms: Sequence[str]) -> None:
+    """As Trace says, floats, and finite but for ranges. Raises ValueError."""
+    states, points = len(arrays["time_s"]), len(arrays["path"])
+    beams, steps = robot.lidar.num_beams, (states - 1, len(terms))
+    shapes = {"path": (points, 2), "time_s": (states,), "pose": (states, 3), "twist": (states, 2)}
+    shapes |= {"waypoint": (states, 2), "clearance": (states,), "ranges": (states, beams)}
+    for name, shape in (shapes | {"weights": steps, "paid": steps}).items():
+        array = arrays[name]
+        if array.shape != shape or array.dtype.kind != "f":
+            raise ValueError(f"{name} of an episode is {array.dtype} {array.shape}, not floats {shape}")
+        if np.isnan(array).any() or not (name == "ranges" or np.isfinite(array).all()):
+            raise ValueError(f"{name} of an episode holds a number that is not finite")
 
 
 _WORLD_ARRAYS = ("circles", "segments", "discs", "corners", "sizes", "solid")
@@ -317,15 +362,17 @@ def _world_about(world: World) -> dict[str, Any]:
     return about
 
 
-def _world(about: dict[str, Any], arrays: dict[str, NDArray[Any]]) -> World:
+def _world(about: _WorldAbout, arrays: dict[str, NDArray[Any]]) -> World:
     grid = None
     if arrays["solid"].size:
-        x, y, yaw = about["origin"]
-        grid = OccupancyGrid(solid=arrays["solid"], resolution_m=about["resolution_m"], origin=(x, y, yaw))
-    x_min, y_min, x_max, y_max = about["bounds"]
+        if "origin" not in about or "resolution_m" not in about:
+            raise ValueError("a world with cells lacks their origin or resolution_m")
+        grid = OccupancyGrid(
+            solid=arrays["solid"], resolution_m=about["resolution_m"], origin=about["origin"]
+        )
     ends = np.cumsum(arrays["sizes"])
     return World(
-        bounds=(x_min, y_min, x_max, y_max),
+        bounds=about["bounds"],
         circles=arrays["circles"],
         segments=arrays["segments"],
         discs=arrays["discs"],

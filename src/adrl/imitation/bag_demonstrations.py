@@ -1,7 +1,6 @@
 """Demonstrations from a robot that somebody drove: bags of scans, odometry, commands and goals."""
 
 import math
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
@@ -48,7 +47,7 @@ class BagSummary:
 
 
 def read_demonstrations(
-    paths: Sequence[str | os.PathLike[str]],
+    paths: Sequence[Path],
     robot: RobotConfig,
     *,
     encoder: EncoderConfig | None = None,
@@ -69,7 +68,7 @@ def read_demonstrations(
     if not paths:
         raise ConfigError("no bags; give one or more")
     parts, summaries = [], []
-    for path in map(Path, paths):
+    for path in paths:
         recording = read_recording(
             path, robot, topics or BagTopics(), zero_is_free=zero_is_free, nan_is_free=nan_is_free
         )

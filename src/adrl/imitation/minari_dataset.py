@@ -9,15 +9,17 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from inspect import signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Required, TypedDict
 from uuid import uuid4
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
-from adrl.errors import AdrlError, DatasetError
-from adrl.files import sync
+from adrl.errors import AdrlError, DatasetError, FileError
+from adrl.files import require_ordinary, sync
 from adrl.imitation.demonstrations import Demonstrations
+from adrl.json_files import checked, parse_json, read_json
 from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.registration import ENV_ID
 from adrl.rewards import FEATURES, REWARD_TERMS, RewardConfig, reward
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 
 PathLike = str | os.PathLike[str]
 
+METADATA_FILE = "metadata.json"
+MAX_EPISODES = 10**7
 DESCRIPTION_KEY = "adrl"
 """Entry of Minari's metadata that holds Source.description() as JSON."""
 INFOS = ("expert_action", "reward_terms", "features")
@@ -109,8 +113,9 @@ def load_minari(path: PathLike, expected: Source | None = None) -> Demonstration
     """
     folder = _data_folder(Path(path))
     try:
-        metadata, episodes = _read(folder)
-        description = json.loads(metadata.get(DESCRIPTION_KEY, "null"))
+        metadata = _metadata(folder)
+        description = _description(metadata)
+        episodes = _read(folder)
         if expected is not None:
             _check_source(description, expected)
         parts = [_columns(episode) for episode in episodes if len(episode["rewards"]) > 0]
@@ -131,15 +136,11 @@ def load_minari(path: PathLike, expected: Source | None = None) -> Demonstration
 
 def recorded_worlds(path: PathLike) -> set[str] | None:
     """Fingerprints of the given worlds a dataset was recorded in; None where it does not say. Raises DatasetError."""
-    from minari.dataset.minari_storage import MinariStorage
-
-    folder = _data_folder(Path(path))
     try:
-        description = json.loads(MinariStorage.read_raw_metadata(folder).get(DESCRIPTION_KEY, "null"))
-        worlds = (description or {}).get("worlds")
-        return None if worlds is None else set(worlds)
-    except (OSError, ValueError, TypeError, AttributeError) as error:
-        raise DatasetError(f"{path}: its metadata cannot be read ({error}); collect it again") from None
+        worlds = (_description(_metadata(_data_folder(Path(path)))) or {}).get("worlds")
+    except DatasetError as error:
+        raise DatasetError(f"{path}: {error}") from None
+    return None if worlds is None else set(worlds)
 
 
 def _write(data: Demonstrations, root: Path, name: str, source: Source) -> None:
@@ -215,28 +216,70 @@ def _data_folder(path: Path) -> Path:
     if not path.is_dir():
         raise DatasetError(f"{path}: no such folder; give the folder of a Minari dataset")
     for folder in (path, path / "data"):
-        if (folder / "metadata.json").is_file():
+        if (folder / METADATA_FILE).is_file():
             return folder
-    raise DatasetError(f"{path}: not a Minari dataset: it holds no metadata.json")
+    raise DatasetError(f"{path}: not a Minari dataset: it holds no {METADATA_FILE}")
 
 
-def _read(folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Metadata and episodes as Minari stores them. Never makes an environment: a dataset runs no code."""
+class _Metadata(TypedDict, total=False):
+    """What is read of Minari's metadata.json. Others of its entries hold JSON as text."""
+
+    observation_space: Required[str]
+    action_space: Required[str]
+    data_format: Required[str]
+    total_episodes: Required[Annotated[int, Meta(ge=0, le=MAX_EPISODES)]]
+    env_spec: str | None
+    adrl: str
+
+
+class _Description(TypedDict, total=False):
+    """What is read of Source.description()."""
+
+    robot: Required[dict[str, Any]]
+    encoder: Required[dict[str, Any]]
+    guidance: Required[str]
+    worlds: list[str] | None
+
+
+class _EnvSpec(TypedDict, total=False):
+    kwargs: dict[str, Any] | None
+
+
+def _metadata(folder: Path) -> _Metadata:
+    """Raises DatasetError."""
+    path = folder / METADATA_FILE
+    try:
+        return read_json(path, _Metadata)
+    except FileError as error:
+        raise DatasetError(f"{METADATA_FILE} {error}; write it with Minari >= 0.5") from None
+
+
+def _description(metadata: _Metadata) -> dict[str, Any] | None:
+    """Source.description() of who recorded it; None where it was not ADRL. Raises DatasetError."""
+    if "adrl" not in metadata:
+        return None
+    try:
+        description = parse_json(metadata["adrl"], dict[str, Any])
+        checked(description, _Description)
+    except FileError as error:
+        raise DatasetError(f"{DESCRIPTION_KEY} in {METADATA_FILE} {error}; collect it again") from None
+    return description
+
+
+def _read(folder: Path) -> list[dict[str, Any]]:
+    """Episodes as Minari stores them. Never makes an environment: a dataset runs no code."""
     from gymnasium import spaces
     from minari.dataset.minari_storage import MinariStorage
 
-    metadata = MinariStorage.read_raw_metadata(folder)
-    if not {"observation_space", "action_space", "data_format", "total_episodes"} <= metadata.keys():
-        raise DatasetError(
-            "metadata.json lacks spaces, data_format or total_episodes; write it with Minari >= 0.5"
-        )
+    for path in folder.glob("*.hdf5"):
+        require_ordinary(path)
     storage = MinariStorage.read(folder)
     observation, action = storage.observation_space, storage.action_space
     if not (isinstance(observation, spaces.Box) and len(observation.shape) == 1):
         raise DatasetError(f"observation space is {observation}; a flat Box as of {ENV_ID} is wanted")
     if not (isinstance(action, spaces.Box) and action.shape == (ACTION_SIZE,)):
         raise DatasetError(f"action space is {action}; Box(-1, 1, ({ACTION_SIZE},)) as of {ENV_ID} is wanted")
-    return metadata, list(storage.get_episodes(range(metadata["total_episodes"])))
+    return list(storage.get_episodes(range(storage.total_episodes)))
 
 
 def _columns(episode: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
@@ -277,19 +320,23 @@ def _columns(episode: Mapping[str, Any]) -> dict[str, NDArray[Any]]:
     return columns
 
 
-def _by_env_spec(metadata: Mapping[str, Any]) -> Mapping[str, Any] | None:
+def _by_env_spec(metadata: _Metadata) -> Mapping[str, Any] | None:
     """Source.description() of the environment that the metadata's env_spec would make; None where it is another's.
 
     Nothing is made: its arguments are read. Raises DatasetError.
     """
     from adrl.envs import NavVectorEnv
 
-    spec = json.loads(metadata.get("env_spec") or "null")
-    if not isinstance(spec, dict) or spec.get("id") != ENV_ID:
-        return None
+    try:
+        spec = parse_json(metadata.get("env_spec") or "{}", dict[str, Any])
+        if spec.get("id") != ENV_ID:
+            return None
+        kwargs = checked(spec, _EnvSpec).get("kwargs") or {}
+    except FileError as error:
+        raise DatasetError(f"env_spec in {METADATA_FILE} {error}; collect it again") from None
     given = {name: option.default for name, option in signature(NavVectorEnv).parameters.items()}
     try:
-        given |= spec.get("kwargs") or {}
+        given |= kwargs
         robot, encoder = given["robot"], given["encoder"]
         return Source(
             robot=robot_from_fields(robot) if isinstance(robot, Mapping) else load_robot(robot),

@@ -1,6 +1,5 @@
 """Reading metrics.jsonl, the log of a training run."""
 
-import json
 import math
 import os
 from typing import Any
@@ -8,7 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.errors import CheckpointError
+from adrl.errors import CheckpointError, FileError
+from adrl.files import read_text
+from adrl.json_files import parse_json
+
+MAX_BYTES = 2**28
 
 
 def read_metrics(path: str | os.PathLike[str]) -> dict[str, NDArray[np.float64]]:
@@ -18,12 +21,9 @@ def read_metrics(path: str | os.PathLike[str]) -> dict[str, NDArray[np.float64]]
     when it is missing, malformed or holds no row.
     """
     try:
-        with open(path, encoding="utf-8") as stream:
-            lines = stream.read().split("\n")
-    except FileNotFoundError:
-        raise CheckpointError(f"{path}: no such file; give the metrics.jsonl of a run folder") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise CheckpointError(f"{path}: not a readable metrics log ({error})") from error
+        lines = read_text(path, MAX_BYTES).split("\n")
+    except FileError as error:
+        raise CheckpointError(f"{path} {error}; give the metrics.jsonl of a run folder") from None
     # A complete log ends in a line break, so what follows the last one is empty or was cut short.
     rows = [_row(path, number, line) for number, line in enumerate(lines[:-1], start=1) if line.strip()]
     if not rows:
@@ -38,11 +38,9 @@ def read_metrics(path: str | os.PathLike[str]) -> dict[str, NDArray[np.float64]]
 def _row(path: str | os.PathLike[str], number: int, line: str) -> dict[str, float]:
     """The row's numbers, null as NaN; text, lists and nested objects are left out."""
     try:
-        content: Any = json.loads(line)
-    except json.JSONDecodeError as error:
-        raise CheckpointError(f"{path}: line {number} is not JSON ({error.msg})") from error
-    if not isinstance(content, dict):
-        raise CheckpointError(f"{path}: line {number} is not a JSON object")
+        content = parse_json(line, dict[str, Any])
+    except FileError as error:
+        raise CheckpointError(f"{path}: line {number} {error}; delete the line") from None
     return {
         key: math.nan if value is None else float(value)
         for key, value in content.items()

@@ -1,19 +1,19 @@
 """What a report is made of: the result files of a training run, of an evaluation or of a comparison."""
 
-import json
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+
+from msgspec import Meta
 
 from adrl.agents.metrics import METRICS_FILE
-from adrl.deploy.policies import ResolvedPolicy, find_policy
-from adrl.deploy.policy import CONFIG_FILE, WEIGHTS_FILE
-from adrl.errors import CheckpointError
-from adrl.evaluation.metrics import RATES, Episodes
+from adrl.deploy.policy import CONFIG_FILE
+from adrl.errors import CheckpointError, FileError
+from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.results import EPISODES_FILE, SUMMARY_FILE, read_episodes, read_table
 from adrl.evaluation.traces import TRACES_FILE, Traces, read_traces
+from adrl.json_files import checked, read_json
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -51,12 +51,11 @@ class Source:
     driven: "pa.Table | None" = None
     """Every episode of a comparison, with columns method, seed and guidance."""
     missing: list[str] = field(default_factory=list)
-    """Jobs of a comparison that have no result; evaluations of a run's policy as it was before."""
+    """Jobs of a comparison that have no result."""
 
 
-def read_source(folder: str | os.PathLike[str]) -> Source:
+def read_source(folder: Path) -> Source:
     """Read a folder that adrl train, evaluate or compare wrote. Raises CheckpointError naming a bad file."""
-    folder = Path(folder)
     if not folder.is_dir():
         raise CheckpointError(f"{folder}: no such folder; give that of a run, a comparison or an evaluation")
     if (folder / RESULTS_FILE).exists() and (folder / SETTINGS_FILE).exists():
@@ -85,46 +84,103 @@ def evaluation_folders(run: Path) -> list[Path]:
     return sorted(path.parent for path in run.glob(f"*/{SUMMARY_FILE}"))
 
 
-def outdated(run: Path) -> list[Path]:
-    """Those of the evaluation folders that are of the run's policy as it was before: it has been trained for longer.
-
-    Told by what stands in them, not by the files' times. Raises AdrlError.
-    """
-    if not (run / WEIGHTS_FILE).exists():
-        return []
-    policy = find_policy(run)
-    return [
-        folder for folder in evaluation_folders(run) if _is_earlier(read_json(folder / SUMMARY_FILE), policy)
-    ]
+Rate = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
-def _is_earlier(summary: Mapping[str, Any], policy: ResolvedPolicy) -> bool:
-    if (summary.get("method"), summary.get("policy")) != (policy.method, policy.name):
-        return False
-    if summary.get("policy_fingerprint") is not None:
-        return summary["policy_fingerprint"] != policy.fingerprint
-    # Of a version that kept none.
-    return any(summary.get(name) != policy.training[name] for name in ("env_steps", "gradient_updates"))
+class _Summary(TypedDict):
+    """What is read of the summary of adrl evaluate; the rest are numbers that are shown as they are."""
+
+    policy: str
+    method: str
+    robot: str
+    scenario: str
+    guidance: str
+    split: str
+    episodes: int
+    success: Rate
+    collision: Rate
+    timeout: Rate
 
 
-def read_json(path: Path) -> dict[str, Any]:
-    """A JSON object. Raises CheckpointError naming the file."""
+class _Name(TypedDict, total=False):
+    name: str
+
+
+class _Seed(TypedDict, total=False):
+    seed: int
+
+
+class _Learner(TypedDict, total=False):
+    learner: _Seed
+
+
+class _Trained(TypedDict, total=False):
+    """What is read of a run's config.json."""
+
+    method: str
+    scenario: str
+    guidance: str
+    robot: _Name
+    settings: _Learner
+    train_seconds: float | None
+    env_steps: int | None
+    gradient_updates: int | None
+    maturity: float | None
+
+
+class _Job(TypedDict):
+    method: str
+    seed: int | None
+
+
+class _CompareRow(TypedDict):
+    method: str
+    guidance: str
+    seeds: int | None
+
+
+class _CompareResults(TypedDict):
+    rows: list[_CompareRow]
+    missing: list[str]
+
+
+class _Budget(TypedDict):
+    steps: int | None
+    max_seconds: float | None
+
+
+class _Shared(TypedDict):
+    scenario: str
+    robot: _Name
+    guidance: str
+    episodes: int
+    split: str
+    learner: _Budget
+
+
+class _CompareSettings(TypedDict):
+    settings: _Shared
+
+
+def _read(path: Path, kind: type) -> dict[str, Any]:
+    """A JSON object of at least this kind. Raises CheckpointError naming the file."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise CheckpointError(f"{path}: no such file") from None
-    except (OSError, ValueError) as error:
-        raise CheckpointError(f"{path}: not a readable JSON file ({error})") from None
-    if not isinstance(content, dict):
-        raise CheckpointError(f"{path}: not a JSON object")
+        content = read_json(path, dict[str, Any])
+        checked(content, kind)
+    except FileError as error:
+        raise CheckpointError(f"{path} {error}; it is not what adrl wrote, make it anew") from None
     return content
 
 
+def read_run(folder: Path) -> dict[str, Any]:
+    """What a run's config.json says. Raises CheckpointError."""
+    return _read(folder / CONFIG_FILE, _Trained)
+
+
 def _run(folder: Path) -> Source:
-    config = read_json(folder / CONFIG_FILE) if (folder / CONFIG_FILE).exists() else {}
+    config = read_run(folder) if (folder / CONFIG_FILE).exists() else {}
     method = str(config.get("method", "policy"))
-    earlier = outdated(folder)
-    evaluations = [_evaluated(path, path.name) for path in evaluation_folders(folder) if path not in earlier]
+    evaluations = [_evaluated(path, path.name) for path in evaluation_folders(folder)]
     # Its own policy before what it is measured against.
     evaluations.sort(key=lambda entry: entry.summary["method"] != method)
     return Source(
@@ -134,7 +190,6 @@ def _run(folder: Path) -> Source:
         logs={method: [folder / METRICS_FILE]},
         rows=[_row(evaluation) for evaluation in evaluations],
         evaluations=evaluations,
-        missing=[f"{path.name} (of the policy before it was trained for longer)" for path in earlier],
     )
 
 
@@ -159,38 +214,33 @@ def _run_facts(config: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _comparison(folder: Path) -> Source:
-    results, settings = read_json(folder / RESULTS_FILE), read_json(folder / SETTINGS_FILE)
-    path = folder / RESULTS_FILE
+    results = _read(folder / RESULTS_FILE, _CompareResults)
+    shared = _read(folder / SETTINGS_FILE, _CompareSettings)["settings"]
+    jobs = {path.parent: _read(path, _Job) for path in folder.glob(f"*/{SUMMARY_FILE}")}
     logs: dict[str, list[Path]] = {}
     evaluations = []
-    try:
-        jobs = {path.parent: read_json(path) for path in folder.glob(f"*/{SUMMARY_FILE}")}
-        # By the seed's number: s10 comes after s9.
-        for job, about in sorted(jobs.items(), key=lambda item: (item[1]["method"], item[1]["seed"] or 0)):
-            if about["seed"] is not None:
-                logs.setdefault(about["method"], []).append(job / METRICS_FILE)
-            for kept in evaluation_folders(job):
-                evaluations.append(_evaluated(kept, f"{job.name}, {kept.name}"))
-        rows = [dict(row) for row in results["rows"]]
-        for row in rows:
-            seeds = "not trained here" if row["seeds"] is None else f"{row['seeds']} seeds"
-            row |= {"label": row["method"], "note": f"{row['guidance']}, {seeds}"}
-        shared = settings["settings"]
-        learner = shared["learner"]
-        budgets = [] if learner["steps"] is None else [f"{learner['steps']:,} steps"]
-        budgets += [] if learner["max_seconds"] is None else [f"{learner['max_seconds']:g} s"]
-        facts = {
-            "scenario": str(shared["scenario"]),
-            "robot": str(shared["robot"]["name"]),
-            "trained with guidance": str(shared["guidance"]),
-            "budget of each run": " or ".join(budgets),
-            "methods": str(len(logs)),
-            "training runs": str(sum(map(len, logs.values()))),
-            "evaluated on": f"{shared['episodes']} {shared['split']} tasks",
-        }
-        missing = [str(name) for name in results["missing"]]
-    except (KeyError, TypeError) as error:
-        raise CheckpointError(f"{path}: not the results of adrl compare ({error!r})") from None
+    # By the seed's number: s10 comes after s9.
+    for job, about in sorted(jobs.items(), key=lambda item: (item[1]["method"], item[1]["seed"] or 0)):
+        if about["seed"] is not None:
+            logs.setdefault(about["method"], []).append(job / METRICS_FILE)
+        for kept in evaluation_folders(job):
+            evaluations.append(_evaluated(kept, f"{job.name}, {kept.name}"))
+    rows = [dict(row) for row in results["rows"]]
+    for row in rows:
+        seeds = "planner" if row["seeds"] is None else f"{row['seeds']} seeds"
+        row |= {"label": row["method"], "note": f"{row['guidance']}, {seeds}"}
+    learner = shared["learner"]
+    budgets = [] if learner["steps"] is None else [f"{learner['steps']:,} steps"]
+    budgets += [] if learner["max_seconds"] is None else [f"{learner['max_seconds']:g} s"]
+    facts = {
+        "scenario": shared["scenario"],
+        "robot": shared["robot"].get("name", "unknown"),
+        "trained with guidance": shared["guidance"],
+        "budget of each run": " or ".join(budgets),
+        "methods": str(len(logs)),
+        "training runs": str(sum(map(len, logs.values()))),
+        "evaluated on": f"{shared['episodes']} {shared['split']} tasks",
+    }
     # The order of the table, the planner's last.
     order = list(dict.fromkeys(row["method"] for row in rows))
     evaluations.sort(
@@ -204,17 +254,12 @@ def _comparison(folder: Path) -> Source:
         rows=rows,
         evaluations=evaluations,
         driven=read_table(folder / EPISODES_FILE) if (folder / EPISODES_FILE).exists() else None,
-        missing=missing,
+        missing=results["missing"],
     )
 
 
 def _evaluated(folder: Path, label: str) -> Evaluated:
-    summary = read_json(folder / SUMMARY_FILE)
-    needed = {"policy", "method", "robot", "scenario", "guidance", "split", "episodes", *RATES}
-    if absent := sorted(needed - summary.keys()):
-        raise CheckpointError(
-            f"{folder / SUMMARY_FILE}: not the summary of adrl evaluate; it lacks {absent[0]!r}"
-        )
+    summary = _read(folder / SUMMARY_FILE, _Summary)
     traces = folder / TRACES_FILE
     return Evaluated(
         label=label,

@@ -1,6 +1,5 @@
 """The paper's section IV with our statistics: two scenarios, each a comparison, and what is kept of them."""
 
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,6 @@ from adrl.comparison.pool import cores
 from adrl.comparison.results import read_runs
 from adrl.evaluation.results import read_table, write_table
 from adrl.report.metrics_log import read_metrics
-from adrl.report.source import read_json
 from adrl.reproduction import results as kept
 from adrl.reproduction.calls import Call
 from adrl.reproduction.reported import METHODS
@@ -58,8 +56,8 @@ def preset(name: str) -> dict[str, CompareConfig]:
 
 def reproduce(
     comparisons: Mapping[str, CompareConfig],
-    out: str | os.PathLike[str],
-    results: str | os.PathLike[str],
+    out: Path,
+    results: Path,
     *,
     name: str,
     on_change: Callable[[int, int, int], None] | None = None,
@@ -70,7 +68,6 @@ def reproduce(
     when `out` is gone. name: the preset's. on_change(done, running, total) is told the progress over all of them.
     Returns the jobs whose process failed: scenario/name -> its log. Raises AdrlError as compare does.
     """
-    out, results = Path(out), Path(results)
     placed = {scenario: replace(config, out=out / scenario) for scenario, config in comparisons.items()}
     for scenario, config in placed.items():
         claim(config, results / scenario)
@@ -110,8 +107,7 @@ def reproduce(
 
 def _calls(results: Path) -> list[dict[str, Any]]:
     """Of earlier calls."""
-    path = results / kept.ABOUT_FILE
-    return read_json(path).get("calls", []) if path.exists() else []
+    return kept.read_about(results).get("calls", []) if (results / kept.ABOUT_FILE).exists() else []
 
 
 def kept_jobs(config: CompareConfig, folder: Path) -> list[Job]:

@@ -11,18 +11,19 @@ A job's folder is written when it has ended and holds all that is kept of it: wh
 job again.
 """
 
-import json
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, NotRequired, TypedDict
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
-from adrl.errors import CheckpointError
+from adrl.errors import CheckpointError, FileError
 from adrl.evaluation.statistics import Interval
+from adrl.json_files import checked, read_json
 
 Array = NDArray[np.float64]
 Columns = dict[str, NDArray[Any]]
@@ -34,16 +35,70 @@ CURVE_COLUMNS = (
     *("q_start", "return_start", "S", "alpha", "lambda_bc"),
 )
 """What is kept of a training log; see `adrl train` for their meaning. NaN where a row or a method has none."""
-RUN_METRICS = (
-    *("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl"),
-    *("train_seconds", "env_steps", "gradient_updates"),
-)
-"""What is kept of an evaluation; None where undefined."""
+
+
+class RunMetrics(TypedDict):
+    """What is kept of an evaluation; None where undefined."""
+
+    success: float | None
+    collision: float | None
+    timeout: float | None
+    distance_m: float | None
+    time_s: float | None
+    optimality: float | None
+    spl: float | None
+    train_seconds: float | None
+    env_steps: float | None
+    gradient_updates: float | None
+
+
+RUN_METRICS = tuple(RunMetrics.__annotations__)
 OUTCOMES = ("task", "success", "collision", "distance_m", "time_s", "shortest_m")
 """What is kept of an episode, beside the guidance."""
 ROUTE_COLUMNS = ("guidance", "task", "x_m", "y_m")
 NO_SEED = -1
 """Seed of the planner."""
+
+
+FileName = Annotated[str, Meta(pattern=r"^[\w.-]*\w[\w.-]*$")]
+
+
+class _Preset(TypedDict):
+    title: str
+    guidance: str
+    evaluated: list[str]
+    steps: int | None
+    seeds: int
+    split: str
+    robot: str
+    jobs: list[FileName]
+
+
+class _Call(TypedDict):
+    wall_s: float
+    jobs: int
+    cores: int | None
+    machine: str
+    versions: dict[str, str]
+    commit: str | None
+    measured_by: str
+
+
+class _About(TypedDict):
+    preset: str
+    scenarios: dict[FileName, _Preset]
+    calls: NotRequired[list[_Call]]
+
+
+class _Evaluation(RunMetrics):
+    guidance: str
+
+
+class _Run(TypedDict):
+    method: str
+    seed: int | None
+    versions: dict[str, str]
+    evaluations: list[_Evaluation]
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +162,7 @@ class Results:
 
 def load(folder: Path) -> Results:
     """Read a results folder, however many jobs are in it. Raises CheckpointError naming a file that is malformed."""
-    about = _json(folder / ABOUT_FILE)
+    about = read_about(folder)
     results = Results(about, [], {}, {}, {}, {}, [])
     for scenario, preset in about["scenarios"].items():
         kept = [name for name in preset["jobs"] if (folder / scenario / name / RUN_FILE).exists()]
@@ -119,18 +174,19 @@ def load(folder: Path) -> Results:
     return results
 
 
+def read_about(folder: Path) -> dict[str, Any]:
+    """The preset and its calls. Raises CheckpointError."""
+    return _json(folder / ABOUT_FILE, _About)
+
+
 def _add_job(results: Results, scenario: str, folder: Path) -> None:
-    path = folder / RUN_FILE
-    run = _json(path)
-    try:
-        method, seed = run["method"], run["seed"]
-        whose = {"scenario": scenario, "method": method, "seed": seed}
-        results.runs.extend(whose | evaluation for evaluation in run["evaluations"])
-        if run["versions"] not in results.versions:
-            results.versions.append(run["versions"])
-    except (KeyError, TypeError) as error:
-        raise CheckpointError(f"{path}: not a run that adrl reproduce kept ({error!r}); delete it") from None
-    number = NO_SEED if seed is None else int(seed)
+    run = _json(folder / RUN_FILE, _Run)
+    method, seed = run["method"], run["seed"]
+    whose = {"scenario": scenario, "method": method, "seed": seed}
+    results.runs.extend(whose | evaluation for evaluation in run["evaluations"])
+    if run["versions"] not in results.versions:
+        results.versions.append(run["versions"])
+    number = NO_SEED if seed is None else seed
     if seed is not None:
         curve = _table(folder / CURVE_FILE)
         results.curves[scenario, method, number] = {n: curve[n].astype(np.float64) for n in CURVE_COLUMNS}
@@ -149,15 +205,14 @@ def _by_guidance(columns: Columns) -> Iterator[tuple[str, Columns]]:
         yield guidance, {name: column[rows] for name, column in columns.items()}
 
 
-def _json(path: Path) -> Any:
+def _json(path: Path, kind: type) -> dict[str, Any]:
+    """A JSON object of at least this kind. Raises CheckpointError."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        raise CheckpointError(f"{path}: no such file; run adrl reproduce first") from None
-    except (OSError, ValueError) as error:
-        raise CheckpointError(
-            f"{path}: not a readable JSON file ({error}); run adrl reproduce again"
-        ) from None
+        content = read_json(path, dict[str, Any])
+        checked(content, kind)
+    except FileError as error:
+        raise CheckpointError(f"{path} {error}; delete it and run adrl reproduce again") from None
+    return content
 
 
 def _table(path: Path) -> Columns:

@@ -1,6 +1,5 @@
 """Tables of `adrl reproduce` as Markdown and JSON: Table I beside the paper's numbers, and what tells more."""
 
-import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -33,9 +32,8 @@ CLAIMS_NOTE = (
 )
 
 
-def write_report(folder: str | os.PathLike[str]) -> list[Path]:
+def write_report(folder: Path) -> list[Path]:
     """Figures, tables.json and README.md of the results in a folder, from its files alone. Raises CheckpointError."""
-    folder = Path(folder)
     results = load(folder)
     tables = {scenario: table_rows(results, scenario) for scenario in results.scenarios}
     summaries = {scenario: summary_rows(results, scenario) for scenario in results.scenarios}

@@ -1,13 +1,13 @@
 """Where to drive, as the commands take it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from adrl.errors import ConfigError
-from adrl.outputs import as_paths
+from adrl.json_files import checked
 from adrl.types import Scenario
 from adrl.worlds import BarnScenario, MapScenario, SdfScenario, get_scenario
 from adrl.worlds.fixed import FixedWorld
@@ -38,8 +38,6 @@ class Place:
     training has the others; 0 trains, validates and tests on all."""
 
     def __post_init__(self) -> None:
-        as_paths(self, "map", "world", "barn")
-        object.__setattr__(self, "models", tuple(map(Path, self.models)))
         if sum(place is not None for place in (self.scenario, self.map, self.world, self.barn)) > 1:
             raise ConfigError("give one of scenario, map, world and barn")
         if self.unknown != "solid" and self.map is None:
@@ -51,11 +49,8 @@ class Place:
 
     @classmethod
     def of(cls, settings: Mapping[str, Any]) -> "Place":
-        """The place of a run, from the settings in its config.json."""
-        saved: dict[str, Any] = {f.name: settings[f.name] for f in fields(Place) if f.name in settings}
-        for name in ("models", "ignore"):
-            saved[name] = tuple(saved.get(name, ()))
-        return Place(**saved)
+        """The place of a run, from the settings in its config.json. Raises FileError, ConfigError."""
+        return checked(settings, Place)
 
     @property
     def default_guidance(self) -> str:
