@@ -301,7 +301,7 @@ class TestEvaluate:
         used: list[ReplannerConfig] = []
 
         def spy(*arguments: Any, **options: Any) -> Rollout:
-            used.append(options["replanner"])
+            used.append(arguments[2].replanner)
             return rollout(*arguments, **options)
 
         monkeypatch.setattr("adrl.evaluation.evaluate.rollout", spy)

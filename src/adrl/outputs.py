@@ -13,6 +13,14 @@ PathLike = str | os.PathLike[str]
 LOCK_FILE = ".lock"
 
 
+def as_paths(config: object, *names: str) -> None:
+    """Fields of a frozen dataclass that were given as texts become paths; None stays."""
+    for name in names:
+        value = getattr(config, name)
+        if value is not None:
+            object.__setattr__(config, name, Path(value))
+
+
 def require_folder(option: str, path: PathLike | None, *marks: str) -> None:
     """Files can be written to a folder at path, which may not exist yet. Nothing is made.
 

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from adrl.bags import BagWriter
 from adrl.baselines.astar_dwa import AStarDwaPolicy
 from adrl.deploy import load_policy
-from adrl.envs import NavSim
+from adrl.envs import NavSim, Setting
 from adrl.errors import DatasetError
 from adrl.evaluation.bag_recorder import BagRecorder
 from adrl.evaluation.metrics import success_rate
@@ -99,7 +99,13 @@ def test_the_guidance_of_a_bag_changes_nothing(tmp_path: Path) -> None:
         path = tmp_path / guidance
         with BagWriter(path, DISC) as writer:
             recorder = BagRecorder(writer)
-            rollout(AStarDwaPolicy(), tasks, DISC, guidance=guidance, recorders=[recorder], num_threads=1)
+            rollout(
+                AStarDwaPolicy(),
+                tasks,
+                Setting(robot=DISC, guidance=guidance),
+                recorders=[recorder],
+                num_threads=1,
+            )
         read.append(columns(read_demonstrations([path], DISC)[0]))
     for name in read[0]:
         assert_allclose(read[0][name], read[1][name], atol=1e-6)

@@ -19,14 +19,16 @@ from adrl.agents import checkpoint
 from adrl.agents.config import Td3Config, TrainConfig
 from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
-from adrl.comparison.compare import compare
+from adrl.comparison.compare import claim, compare
 from adrl.comparison.config import CompareConfig, differences, from_document
-from adrl.comparison.jobs import all_jobs
+from adrl.comparison.jobs import all_jobs, run_job
 from adrl.comparison.pool import cache_path, log_path, run_all
-from adrl.comparison.results import Run, markdown, method_rows
+from adrl.comparison.results import Run, markdown, method_rows, read_runs
+from adrl.deploy.policy import load_policy, resolve_policy
 from adrl.errors import AdrlError, ConfigError, UnknownName
 from adrl.evaluation.metrics import SAMPLES, Episodes
 from adrl.evaluation.statistics import probability_of_improvement, seed_iqm, seed_mean
+from adrl.export.onnx_graph import to_onnx
 from adrl.types import LidarConfig, RobotConfig
 from small_run import contents, run_cli
 
@@ -286,6 +288,47 @@ def test_a_failed_job_is_named_and_the_others_go_on(
     assert results["missing"] == ["adrl-s0"]
     assert "adrl-s0" in (out / "table.md").read_text()
     assert not (out / "cache").exists()
+
+
+class TestPoliciesOfOnesOwn:
+    """Rows of policies that are not trained here."""
+
+    def test_they_are_rows_beside_the_planner(self, tmp_path: Path) -> None:
+        onnx = tmp_path / "mine.onnx"
+        onnx.write_bytes(to_onnx(load_policy(resolve_policy("default"))))
+        config = CompareConfig(
+            methods="td3", policies=f"default, {onnx}", episodes=2, out=tmp_path / "out", learner=BUDGET
+        )
+        jobs = [job for job in all_jobs(config) if job.seed is None]
+        assert [job.method for job in jobs] == ["astar-dwa", "default", str(onnx)]
+        assert len({job.name for job in jobs}) == 3
+        for job in jobs:
+            run_job(config, job, 0.0)
+        rows = method_rows(read_runs([config.out / job.name for job in jobs]))
+        assert [row["method"] for row in rows] == ["astar-dwa", "default", "mine.onnx"]
+        assert rows[1]["success"] == rows[2]["success"]
+        assert [row["seeds"] for row in rows] == [None] * 3
+        table = markdown(rows, config.title())
+        assert "mine.onnx | map, as it is" in table
+        assert "astar-dwa | map, planner" in table
+
+    def test_another_policy_under_the_same_name_is_not_mixed_in(self, tmp_path: Path) -> None:
+        claim(CompareConfig(methods="td3", learner=BUDGET, policies="default"), tmp_path)
+        claim(CompareConfig(methods="adrl", learner=BUDGET, policies="jackal"), tmp_path)
+        path = tmp_path / "settings.json"
+        path.write_text(path.read_text().replace('"policy_fingerprint": "', '"policy_fingerprint": "0'))
+        with pytest.raises(ConfigError, match="policy_fingerprint"):
+            claim(CompareConfig(methods="td3", learner=BUDGET, policies="default"), tmp_path)
+
+    def test_names_are_told_apart(self, tmp_path: Path) -> None:
+        for folder in ("a", "b"):
+            (tmp_path / folder).mkdir()
+            (tmp_path / folder / "mine.onnx").write_bytes(to_onnx(load_policy(resolve_policy("default"))))
+        config = CompareConfig(policies=f"{tmp_path}/a/mine.onnx,{tmp_path}/b/mine.onnx")
+        with pytest.raises(ConfigError, match=r"both called mine\.onnx"):
+            config.method_settings()
+        with pytest.raises(UnknownName, match="did you mean 'default'"):
+            CompareConfig(policies="defaut").method_settings()
 
 
 def test_a_folder_of_something_else_is_left_alone(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 import adrl
 from adrl.deploy.policy import DEFAULT, MlpPolicy, load_policy, resolve_policy
-from adrl.envs import NavSim, NavVectorEnv
+from adrl.envs import NavSim, NavVectorEnv, Setting
 from adrl.evaluation.rollout import Rollout, rollout
 from adrl.observation import EncoderConfig, in_robot_frame
 from adrl.planning.replanner_config import ReplannerConfig
@@ -42,11 +42,13 @@ def run(given: Task, guidance: str, seed: int = 0) -> Rollout:
     return rollout(
         POLICY,
         [given],
-        ROBOT,
-        guidance=guidance,
-        encoder=ENCODER,
-        replanner=CONFIG,
-        maturity=POLICY.config.maturity,
+        Setting(
+            robot=ROBOT,
+            guidance=guidance,
+            encoder=ENCODER,
+            replanner=CONFIG,
+            maturity=POLICY.config.maturity,
+        ),
         seed=seed,
         num_threads=1,
     )

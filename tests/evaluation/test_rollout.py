@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from adrl.baselines.astar_dwa import AStarDwaPolicy
+from adrl.envs import Setting
 from adrl.errors import TaskError
 from adrl.evaluation.metrics import Episodes, success_rate
 from adrl.evaluation.rollout import rollout
@@ -77,7 +78,7 @@ def test_driving_into_a_wall_and_standing_end_as_they_should():
 
 
 def test_the_planner_reaches_its_goals(tasks):
-    result = rollout(AStarDwaPolicy(), tasks, ROBOT, guidance="map", record=5)
+    result = rollout(AStarDwaPolicy(), tasks, Setting(robot=ROBOT, guidance="map"), record=5)
     assert success_rate(result.episodes) == 1.0
     assert [len(route) for route in result.routes] == [
         round(time_s / 0.1) + 1 for time_s in result.episodes.time_s[:5]

@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from adrl import _core
 from adrl.baselines.astar_dwa import AStarDwaPolicy
+from adrl.envs import Setting
 from adrl.errors import CheckpointError
 from adrl.evaluation.metrics import RATES, Episodes
 from adrl.evaluation.rollout import rollout
@@ -34,7 +35,7 @@ def record(
     tasks: list[Task], policy: object, robot: RobotConfig = ROBOT, **options
 ) -> tuple[Episodes, Traces]:
     recorder = TraceRecorder(**options)
-    result = rollout(policy, tasks, robot, guidance="map", recorders=[recorder], num_threads=1)  # pyright: ignore
+    result = rollout(policy, tasks, Setting(robot=robot, guidance="map"), recorders=[recorder], num_threads=1)  # pyright: ignore
     return result.episodes, recorder.traces()
 
 
@@ -101,7 +102,7 @@ def test_routes_of_all_episodes_begin_and_end_where_the_robots_did(driven) -> No
 
 def test_recording_and_chunks_change_nothing(driven, monkeypatch: pytest.MonkeyPatch) -> None:
     tasks, episodes, traces = driven
-    plain = rollout(Ahead(), tasks, ROBOT, guidance="map", num_threads=1).episodes
+    plain = rollout(Ahead(), tasks, Setting(robot=ROBOT, guidance="map"), num_threads=1).episodes
     assert plain.to_table().equals(episodes.to_table())
     monkeypatch.setattr("adrl.evaluation.rollout.CHUNK", 5)
     _, parts = record(tasks, Ahead(), failures=4, arrivals=2)

@@ -17,7 +17,7 @@ from PIL import Image
 from adrl import _core
 from adrl.cli import main
 from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
-from adrl.envs import MILD, NavSim
+from adrl.envs import MILD, NavSim, Setting
 from adrl.errors import ConfigError, MissingExtra, UnknownName, WorldError
 from adrl.evaluation.drives import read_drives
 from adrl.evaluation.results import compare_paired
@@ -216,9 +216,13 @@ class TestInGazebo:
         policy = load_policy(resolve_policy(DEFAULT))
         robot = robot_from_fields(policy.config.robot)
         tasks = task_set(SCENARIOS["clutter"], robot, "test", 6)
-        options = dict(guidance=policy.config.guidance, encoder=EncoderConfig(**policy.config.encoder))
-        native = rollout(policy, tasks, robot, **options).episodes  # pyright: ignore
-        there = rollout(policy, tasks, robot, body=gazebo, **options).episodes  # pyright: ignore
+        setting = Setting(
+            robot=robot,
+            guidance=policy.config.guidance,
+            encoder=EncoderConfig(**policy.config.encoder),
+        )
+        native = rollout(policy, tasks, setting).episodes
+        there = rollout(policy, tasks, setting, body=gazebo).episodes
         gap = compare_paired(there, native)
         assert abs(gap["success"].estimate) <= 1.0 / 6.0
         assert abs(gap["time_s"].estimate) <= 0.05 * native.time_s.mean()

@@ -1,5 +1,6 @@
 """Messages of a bag, topic by topic, and errors that name file and topic."""
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -76,11 +77,12 @@ class Bag:
 
 
 @contextmanager
-def open_bag(path: Path) -> Iterator[Bag]:
+def open_bag(path: str | os.PathLike[str]) -> Iterator[Bag]:
     """Open a ROS 1 bag file, or the folder of a ROS 2 bag, or one of its files.
 
     Raises MissingExtra without rosbags; DatasetError, which says what to run where a bag can be mended.
     """
+    path = Path(path)
     try:
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 
@@ -15,7 +15,8 @@ from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.outputs import require_file
 from adrl.report.html import plotly_script, write_report
 from adrl.report.paper import paper_figures
-from adrl.report.source import evaluation_folders, read_run, read_source
+from adrl.report.source import evaluation_folders, outdated, read_run, read_source, read_summary
+from adrl.types import SPLITS
 from adrl.worlds.place import Place
 
 
@@ -42,15 +43,15 @@ def main(arguments: Sequence[str]) -> int:
         "report",
         "One HTML file that needs no server: curves, tables, replays, failures, and where on a map they happen.",
     )
-    require_file("--out", options.out)
+    folder = options.folder
+    out = options.out or folder / "report.html"
+    require_file("--out", out)
     if options.episodes < 1:
         raise ConfigError(f"episodes is {options.episodes}; give 1 or more")
     plotly_script()  # is there: an evaluation would be wasted
-    folder = options.folder
-    if (folder / WEIGHTS_FILE).exists() and not evaluation_folders(folder):
-        _evaluate(folder, options.episodes)
+    if (folder / WEIGHTS_FILE).exists():
+        _evaluate_anew(folder, options.episodes)
     source = read_source(folder)
-    out = options.out or folder / "report.html"
     write_report(source, out)
     for entry in source.evaluations:
         if entry.traces is None:
@@ -62,11 +63,28 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def _evaluate(run: Path, episodes: int) -> None:
-    """On test tasks of the place where the policy was trained."""
+def _evaluate_anew(run: Path, episodes: int) -> None:
+    """Where nothing was evaluated, on test tasks of the place of training; what is of an earlier policy, as it was."""
+    config = read_run(run)
     try:
-        place = Place.of(read_run(run).get("settings", {}))
+        place = Place.of(config.get("settings", {}))
     except FileError as error:
         raise CheckpointError(f"{run / CONFIG_FILE}: settings {error}; restore the file") from None
+    if not evaluation_folders(run):
+        _evaluate(run, place, run / "evaluation", {"episodes": episodes})
+    for folder in outdated(run):
+        summary = read_summary(folder)
+        robot = config.get("robot", {}).get("name")
+        trained = {"scenario": place.load().name, "robot": robot, "simulator": "native"}
+        if {key: summary.get(key, "native") for key in trained} == trained and summary["split"] in SPLITS:
+            as_before = ("split", "guidance", "episodes", "paper_literal")
+            _evaluate(run, place, folder, {key: summary[key] for key in as_before if key in summary})
+        else:
+            console().print(
+                f"{folder} is left out: it is of the policy before it was trained for longer; evaluate it again"
+            )
+
+
+def _evaluate(run: Path, place: Place, out: Path, options: dict[str, Any]) -> None:
     with counting_bar(f"evaluating {run}", "episodes") as show:
-        api.evaluate(run, scenario=place.load(), episodes=episodes, out=run / "evaluation", on_step=show)
+        api.evaluate(run, scenario=place.load(), out=out, on_step=show, **options)

@@ -11,7 +11,9 @@ import tyro
 from adrl.agents.config import TrainConfig
 from adrl.agents.methods import METHODS, method_config
 from adrl.baselines import SB3_METHODS
+from adrl.baselines.planners import PLANNER, PLANNERS
 from adrl.baselines.tuned import TUNED
+from adrl.deploy.policies import find_policy
 from adrl.errors import ConfigError, UnknownName
 from adrl.registry import look_up
 from adrl.runs import RunConfig
@@ -20,7 +22,18 @@ from adrl.worlds import load_robot
 
 ALL = "all"
 EVAL_INTERVAL_STEPS = 16_000
-NOT_SHARED = ("methods", "seeds", "routes", "keep_checkpoints", "workers", "ray", "out", "method", "resume")
+NOT_SHARED = (
+    "methods",
+    "policies",
+    "seeds",
+    "routes",
+    "keep_checkpoints",
+    "workers",
+    "ray",
+    "out",
+    "method",
+    "resume",
+)
 """Options that results in one folder may differ in."""
 
 
@@ -30,6 +43,9 @@ class CompareConfig(RunConfig):
 
     methods: str = ALL
     """Names with commas between; all: every method of ADRL. adrl list names them and the baselines."""
+    policies: str = ""
+    """Policies that are not trained here, a row each, with commas between: in any form that adrl evaluate --policy
+    takes."""
     seeds: int = 10
     """Training seeds of each method, counted from --seed; 10 or more for a claim."""
     episodes: int = 500
@@ -75,6 +91,13 @@ class CompareConfig(RunConfig):
         if not listed:
             raise ConfigError("methods is empty; give names with commas between, or all")
         return tuple(dict.fromkeys(n for name in listed for n in (METHODS if name == ALL else (name,))))
+
+    @property
+    def policy_names(self) -> tuple[str, ...]:
+        """The policies that are evaluated only, each once, as they were given: the planner first."""
+        return tuple(
+            dict.fromkeys([PLANNER, *(name.strip() for name in self.policies.split(",") if name.strip())])
+        )
 
     @property
     def guidance_names(self) -> tuple[str, ...]:
@@ -130,6 +153,16 @@ class CompareConfig(RunConfig):
             if name in SB3_METHODS:
                 learner["tuned"] = TUNED[SB3_METHODS[name]]
             content[name] = json.loads(json.dumps(learner, default=str, allow_nan=False))
+        called = {name: name for name in self.method_names}
+        for text in self.policy_names:
+            policy = find_policy(text, PLANNERS)
+            if policy.name in called:
+                raise ConfigError(
+                    f"{called[policy.name]} and {text} are both called {policy.name}; give one of them another name"
+                )
+            called[policy.name] = text
+            if policy.fingerprint is not None:
+                content[text] = {"policy_fingerprint": policy.fingerprint}
         return content
 
 

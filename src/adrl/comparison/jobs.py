@@ -1,5 +1,6 @@
 """A job of a comparison: train one method with one seed, evaluate its final policy, leave the result."""
 
+import re
 import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -12,7 +13,9 @@ from adrl.agents.budget import BudgetSpent
 from adrl.agents.checkpoint import FOLDER as CHECKPOINT_FOLDER
 from adrl.agents.metrics import METRICS_FILE
 from adrl.baselines import SB3_METHODS
+from adrl.baselines.planners import PLANNERS
 from adrl.comparison.config import CompareConfig
+from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import CONFIG_FILE
 from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.results import write_table
@@ -30,7 +33,8 @@ RUNS_FOLDER = "runs"
 
 @dataclass(frozen=True)
 class Job:
-    """One training and its evaluation. seed None: the planner, which is evaluated only."""
+    """One training and its evaluation. seed None: a planner, or another policy that is evaluated only: method is what
+    it was called in the configuration."""
 
     method: str
     seed: int | None
@@ -38,17 +42,17 @@ class Job:
     @property
     def name(self) -> str:
         """Of its folder."""
-        return self.method if self.seed is None else f"{self.method}-s{self.seed}"
+        return re.sub(r"[^\w.-]+", "-", self.method) if self.seed is None else f"{self.method}-s{self.seed}"
 
 
 def all_jobs(config: CompareConfig) -> list[Job]:
-    """The reference, then all methods with the first seed, all with the second, ...
+    """The reference, policies that are not trained, then all methods with the first seed, all with the second, ...
 
     So a slow hour of the machine hits all methods alike, and a part of the results is a fair one.
     """
     first = config.learner.seed
     trainings = [Job(m, s) for s in range(first, first + config.seeds) for m in config.method_names]
-    return [Job(api.PLANNER, None), *trainings]
+    return [*(Job(policy, None) for policy in config.policy_names), *trainings]
 
 
 def is_finished(config: CompareConfig, job: Job) -> bool:
@@ -69,9 +73,12 @@ def run_job(config: CompareConfig, job: Job, started_s: float) -> None:
     folder = config.out / job.name
     # Traces take megabytes: kept of the planner and of one seed a method, for adrl report.
     traced = job.seed in (None, config.learner.seed)
+    policy = find_policy(job.method if run is None else run, PLANNERS)
+    # One with a seed is evaluated as all trainings are, another one as it says.
+    under = (policy.guidance,) if run is None else config.guidance_names
     evaluations = [
         api.evaluate(
-            api.PLANNER if run is None else run,
+            policy,
             scenario=config.load(),
             robot=config.robot,
             guidance=guidance,
@@ -81,16 +88,20 @@ def run_job(config: CompareConfig, job: Job, started_s: float) -> None:
             num_threads=1,
             out=folder / guidance if traced else None,
         )
-        for guidance in (("map",) if run is None else config.guidance_names)
+        for guidance in under
     ]
-    tables = [_table(result.rollout.episodes, job, result.summary["guidance"]) for result in evaluations]
+    method = job.method if run is not None else policy.name
+    tables = [
+        _table(result.rollout.episodes, method, job.seed, result.summary["guidance"])
+        for result in evaluations
+    ]
     write_table(folder / EPISODES_FILE, concatenated(tables))
     if config.routes:
         write_table(folder / ROUTES_FILE, _routes(evaluations))
     if run is not None:
         for name in (METRICS_FILE, CONFIG_FILE):
             files.atomic_write_bytes(folder / name, (run / name).read_bytes())
-    summary = {"schema_version": SCHEMA_VERSION, "method": job.method, "seed": job.seed}
+    summary = {"schema_version": SCHEMA_VERSION, "method": method, "seed": job.seed}
     files.write_json(
         folder / RESULT_FILE, summary | {"evaluations": [result.summary for result in evaluations]}
     )
@@ -120,14 +131,14 @@ def concatenated(tables: "list[pa.Table]") -> "pa.Table":
     return pa.concat_tables(tables)
 
 
-def _table(episodes: Episodes, job: Job, guidance: str) -> "pa.Table":
+def _table(episodes: Episodes, method: str, seed: int | None, guidance: str) -> "pa.Table":
     """The episodes, with columns that say whose they are."""
     import pyarrow as pa
 
     table = episodes.to_table()
     whose: list[tuple[str, Any]] = [
-        ("method", pa.array([job.method] * len(episodes), pa.string())),
-        ("seed", pa.array([job.seed] * len(episodes), pa.int64())),
+        ("method", pa.array([method] * len(episodes), pa.string())),
+        ("seed", pa.array([seed] * len(episodes), pa.int64())),
         ("guidance", pa.array([guidance] * len(episodes), pa.string())),
     ]
     for position, (name, column) in enumerate(whose):

@@ -10,6 +10,7 @@ import numpy as np
 
 from adrl import api
 from adrl.agents.metrics import METRICS_FILE
+from adrl.baselines.planners import PLANNERS
 from adrl.comparison.jobs import EPISODES_FILE, RESULT_FILE
 from adrl.errors import CheckpointError, FileError
 from adrl.evaluation.learning_time import median_seconds_to_level, seconds_to_level
@@ -157,6 +158,7 @@ def _reference_row(run: Run) -> Row:
     row: Row = {"method": run.method, "guidance": summary["guidance"], "seeds": None}
     row |= {name + end: summary[name + end] for name in MEANS for end in ("", "_low", "_high")}
     nothing = ("seconds_to_90", "seeds_to_90", "success_worst", *TRAINING, *COMMON)
+    row["warnings"] = summary.get("warnings", [])
     return row | dict.fromkeys(nothing) | _entry("success_iqm", None) | _entry("improvement", None)
 
 
@@ -227,7 +229,20 @@ def _cell(row: Row, column: _Column) -> tuple[str, str]:
 
 def _note(row: Row) -> str:
     """What is said of a row besides its method."""
-    return f"{row['guidance']}, planner" if row["seeds"] is None else f"{row['guidance']}, n={row['seeds']}"
+    return (
+        f"{row['guidance']}, {untrained(row)}"
+        if row["seeds"] is None
+        else f"{row['guidance']}, n={row['seeds']}"
+    )
+
+
+def untrained(row: Row) -> str:
+    """What a method without seeds is."""
+    return "planner" if row["method"] in PLANNERS else "as it is"
+
+
+def _warnings(rows: Sequence[Row]) -> list[str]:
+    return [f"WARNING: {line}" for row in rows for line in row.get("warnings", ())]
 
 
 def markdown(rows: Sequence[Row], title: str, missing: Sequence[str] = ()) -> str:
@@ -239,6 +254,8 @@ def markdown(rows: Sequence[Row], title: str, missing: Sequence[str] = ()) -> st
         texts = [value + (f" [{interval}]" if interval else "") for value, interval in cells]
         lines.append("| " + " | ".join([row["method"], _note(row), *texts]) + " |")
     lines += ["", CAPTION + "."]
+    for line in _warnings(rows):
+        lines += ["", line]
     if missing:
         lines += ["", f"Not in it yet: {', '.join(missing)}."]
     return "\n".join(lines) + "\n"
@@ -248,7 +265,7 @@ def rich_table(rows: Sequence[Row], title: str) -> "Table":
     """The table for a terminal: each estimate above its interval. Fits 80 columns."""
     from rich.text import Text
 
-    table = plain_table(title, CAPTION, padding=0)
+    table = plain_table(title, "\n".join([CAPTION, *_warnings(rows)]), padding=0)
     table.add_column("method", overflow="fold", min_width=10)
     for column in _COLUMNS:
         table.add_column(column.heading.replace(" ", "\n"), justify="right", no_wrap=True)

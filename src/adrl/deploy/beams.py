@@ -22,9 +22,11 @@ PEOPLE_MPS = 2.0
 """Nothing that moves about a robot is faster."""
 SLACK_M = 0.1
 """Of what may move, for all that poses and angles are not exact."""
+WIDTH_M, MOVES_S = 0.6, 0.3
+"""Who moves is no wider; what it has left is not expected any more after that time."""
 DATED = 2.0
 """Scans may be older or newer than said by so many times the time between two."""
-VANISHED_RAD = 0.15
+VANISHED_RAD = 0.25
 """A narrower thing may fall between beams."""
 WITHIN_REACH = 0.9
 """Of the greatest range: what was farther away may be out of reach by now."""
@@ -67,16 +69,19 @@ class BeamWatch:
         self._last_s, self._sensor = scan.stamp_s, sensor
         lies = near & ~self._may_be_near(scan, near, expected, moved_m)
         known = [self._placed(scan, sensor, seen, ranges, np.zeros(len(ranges)))]
-        reach_m = WITHIN_REACH * scan.range_max_m
-        vanished = told & np.isinf(ranges) & (expected < reach_m) & (doubted_s < LASTS_S)
+        vanished = told & np.isinf(ranges) & (expected < WITHIN_REACH * scan.range_max_m)
+        vanished &= doubted_s < LASTS_S
         self.empty = False
         if np.count_nonzero(vanished) * abs(scan.angle_increment_rad) > VANISHED_RAD:
             doubted_s = doubted_s + (passed_s if seen.any() else 0.0)
             gone = self._placed(scan, sensor, vanished, expected, doubted_s)
-            vanished[vanished] = _far_from(gone, known[0], moved_m + turned_rad * expected[vanished])
-            empty = self._empty(scan, vanished, seen, expected, moved_m)
+            come = known[0][(np.abs(ranges - expected) > SLACK_M)[seen]]  # at other places than before
+            stays = vanished.copy()
+            stays[vanished] = _far_from(gone, come, WIDTH_M + moved_m + turned_rad * expected[vanished])
+            empty = self._empty(scan, stays, seen, expected, moved_m)
             self.empty = bool(empty.any())
-            known.append(self._placed(scan, sensor, vanished & empty, expected, doubted_s))
+            kept = vanished & (empty | (doubted_s < MOVES_S))
+            known.append(self._placed(scan, sensor, kept, expected, doubted_s))
             lies |= empty & told & np.isinf(ranges)
         self._points = np.concatenate(known)
         return dataclasses.replace(scan, ranges=np.where(lies, np.nan, scan.ranges)) if lies.any() else scan

@@ -3,6 +3,17 @@
 from adrl.envs.nav_env import NavEnv
 from adrl.envs.nav_sim import Body, NavSim, Outcome
 from adrl.envs.randomization import MILD, NOMINAL, Randomization
+from adrl.envs.setting import Setting
 from adrl.envs.vector_env import NavVectorEnv
 
-__all__ = ["MILD", "NOMINAL", "Body", "NavEnv", "NavSim", "NavVectorEnv", "Outcome", "Randomization"]
+__all__ = [
+    "MILD",
+    "NOMINAL",
+    "Body",
+    "NavEnv",
+    "NavSim",
+    "NavVectorEnv",
+    "Outcome",
+    "Randomization",
+    "Setting",
+]

@@ -1,6 +1,7 @@
 """Drives from ROS recordings: bags of ROS 1, and of ROS 2 in both storage formats."""
 
 import math
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,7 +19,7 @@ SILENCE_PERIODS = 3.0
 
 
 def read_bag(
-    path: Path,
+    path: str | os.PathLike[str],
     period_s: float,
     command_topic: str = COMMAND_TOPIC,
     odometry_topic: str = ODOMETRY_TOPIC,
@@ -33,7 +34,7 @@ def read_bag(
     with open_bag(path) as bag:
         commands = read_twists(bag, command_topic)
         odometry, notes = _speeds(bag, odometry_topic)
-    return _resample(path, commands, odometry, period_s, notes)
+    return _resample(Path(path), commands, odometry, period_s, notes)
 
 
 def _speeds(bag: Bag, topic: str) -> tuple[Array, tuple[str, ...]]:

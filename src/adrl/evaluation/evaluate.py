@@ -17,7 +17,7 @@ from adrl.baselines.planners import PLANNERS
 from adrl.deploy.policies import ResolvedPolicy, find_policy
 from adrl.deploy.policy import MlpPolicy
 from adrl.deploy.setup import other_robot
-from adrl.envs import Body, NavSim
+from adrl.envs import Body, NavSim, Setting
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.bag_recorder import BagRecorder
 from adrl.evaluation.results import (
@@ -31,6 +31,7 @@ from adrl.evaluation.results import (
 )
 from adrl.evaluation.rollout import PrivilegedPolicy, Recorder, Rollout, rollout
 from adrl.evaluation.traces import TRACES_FILE, TraceRecorder, Traces, write_traces
+from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, RewardTerm
 from adrl.types import Policy, RobotConfig, Scenario, Task, without_constants
@@ -125,6 +126,9 @@ def evaluate(
     absent = sorted(set(bag_tasks or ()) - set(range(len(tasks))))
     if absent:
         raise ConfigError(f"bag_tasks has {absent[0]}; the tasks are 0 to {len(tasks) - 1}")
+    own, encoder = (
+        (None, driver.encoder) if isinstance(driver.encoder, EncoderConfig) else (driver.encoder, None)
+    )
     recorder = _trace_recorder(driver.policy, reward_terms) if traces or out is not None else None
     with ExitStack() as stack:
         body = stack.enter_context(make_body(config)) if make_body is not None else None
@@ -134,11 +138,14 @@ def evaluate(
         result = rollout(
             driver.policy,
             tasks,
-            config,
-            guidance=guidance,
-            encoder=driver.encoder,
-            replanner=constants,
-            maturity=driver.maturity,
+            Setting(
+                robot=config,
+                guidance=guidance,
+                encoder=encoder,
+                replanner=constants,
+                maturity=driver.maturity,
+            ),
+            encoder=own,
             seed=seed,
             num_threads=num_threads,
             record=record,

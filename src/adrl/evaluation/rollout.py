@@ -1,19 +1,18 @@
 """Runs a policy on fixed tasks, all robots stepped in one batch, one task a robot."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adrl.deploy.policies import act, begin, checked_actions
-from adrl.envs import NOMINAL, Body, NavSim, Randomization
+from adrl.envs import Body, NavSim, Setting
 from adrl.envs.nav_sim import Outcome
 from adrl.errors import TaskError
 from adrl.evaluation.metrics import Episodes
 from adrl.observation import Encoder, EncoderConfig
-from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward
 from adrl.types import Array, Policy, RobotConfig, Task
 
@@ -82,13 +81,9 @@ class Rewards:
 def rollout(
     policy: Policy | PrivilegedPolicy,
     tasks: Sequence[Task],
-    robot: RobotConfig,
+    setting: Setting | RobotConfig,
     *,
-    guidance: str = "goal",
-    encoder: EncoderConfig | Encoder | None = None,
-    randomization: Randomization = NOMINAL,
-    replanner: ReplannerConfig | None = None,
-    maturity: float = 0.0,
+    encoder: Encoder | None = None,
     seed: int = 0,
     num_threads: int = 0,
     record: int = 0,
@@ -101,8 +96,10 @@ def rollout(
 ) -> Rollout:
     """Drive every task once.
 
+    setting: what the robots see and follow; a robot alone drives to the goal. encoder: of the policy's own, in place of
+    the setting's.
     seed: of the sensors' noise and of odometry drift, nothing else; every policy meets the same. record: number of
-    tasks, from the first, whose routes are kept. replanner, maturity: see NavSim. first_task: number of tasks[0] in
+    tasks, from the first, whose routes are kept. first_task: number of tasks[0] in
     its split. rewards: those to add up, if any. recorders: keep the course of episodes. on_step(ended, total) is
     told the progress. body: moves and senses the robots instead of our simulator, as many side by side as it has.
     on_drive(sim, numbers, moving) sees each period of the robots (N,) that moved. Raises TaskError for no tasks,
@@ -113,25 +110,13 @@ def rollout(
     parts, routes, starts, returns, replans, done = [], [], [], [], [], 0
     asked = [recorder.reward for recorder in recorders] if rewards is None else [rewards.config]
     shown = next((config for config in asked if config is not None), None)
-    own = encoder if isinstance(encoder, Encoder) else None
-    config = (
-        encoder if not isinstance(encoder, Encoder) else EncoderConfig(history_steps=encoder.history_steps)
-    )
+    setting = setting if isinstance(setting, Setting) else Setting(robot=setting)
+    if encoder is not None:
+        setting = replace(setting, encoder=EncoderConfig(history_steps=encoder.history_steps))
     side_by_side = CHUNK if body is None else body.num_envs
     for first in range(0, len(tasks), side_by_side):
         chunk = tasks[first : first + side_by_side]
-        sim = NavSim(
-            len(chunk),
-            robot,
-            guidance=guidance,
-            randomization=randomization,
-            encoder=config,
-            reward=shown,
-            replanner=replanner,
-            maturity=maturity,
-            num_threads=num_threads,
-            body=body,
-        )
+        sim = setting.simulate(len(chunk), reward=shown, num_threads=num_threads, body=body)
         numbers = first_task + first + np.arange(len(chunk))
         # Noise and drift of a task depend on the evaluation's seed and the task's number alone.
         streams = [np.random.SeedSequence((seed, int(n))) for n in numbers]
@@ -141,7 +126,7 @@ def rollout(
         keep = max(0, min(record - first, len(chunk)))
 
         def observe(sim: NavSim = sim) -> NDArray[np.floating]:
-            return sim.observe() if own is None else own.encode(*sim.measured())
+            return sim.observe() if encoder is None else encoder.encode(*sim.measured())
 
         def progress(ended: int, before: int = done) -> None:
             if on_step is not None:

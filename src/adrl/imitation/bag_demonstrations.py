@@ -1,6 +1,7 @@
 """Demonstrations from a robot that somebody drove: bags of scans, odometry, commands and goals."""
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
@@ -47,7 +48,7 @@ class BagSummary:
 
 
 def read_demonstrations(
-    paths: Sequence[Path],
+    paths: Sequence[str | os.PathLike[str]],
     robot: RobotConfig,
     *,
     encoder: EncoderConfig | None = None,
@@ -68,7 +69,7 @@ def read_demonstrations(
     if not paths:
         raise ConfigError("no bags; give one or more")
     parts, summaries = [], []
-    for path in paths:
+    for path in map(Path, paths):
         recording = read_recording(
             path, robot, topics or BagTopics(), zero_is_free=zero_is_free, nan_is_free=nan_is_free
         )

@@ -33,8 +33,8 @@ class ReplannerConfig:
     100."""
     environment_gain: ClassVar[float] = 0.5
     """alpha of eq 19: thresholds grow by this share at contact with an obstacle."""
-    maturity_gain: Annotated[float, Range(0.0, 100.0)] = 0.2
-    """beta of eq 20; 0 to 100."""
+    maturity_gain: Annotated[float, Range(0.0, 1e6)] = 0.2
+    """beta of eq 20; 0 to 1e+06."""
     safe_clearance_m: ClassVar[float] = 0.3
     """Clearance in m below which an obstacle is a threat: T_obs rises from 0 here to 1 at contact."""
     conflict_m: ClassVar[float] = 2.0

@@ -1,6 +1,7 @@
 """Figures for papers: what the page shows, as PNG and PDF files."""
 
 import math
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -33,8 +34,9 @@ ROUTES = 6
 _SHARE = LinearSegmentedColormap.from_list("share", ["#F6E3D8", PALETTE[1]])
 
 
-def paper_figures(source: Source, folder: Path) -> list[Path]:
+def paper_figures(source: Source, folder: str | os.PathLike[str]) -> list[Path]:
     """Write them to a folder, and say what was written. Raises CheckpointError on a log that cannot be read."""
+    folder = Path(folder)
     figures: dict[str, Figure] = {}
     if source.logs:
         figures["training"] = charts_figure(charts(source))

@@ -1,14 +1,16 @@
 """What a report is made of: the result files of a training run, of an evaluation or of a comparison."""
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypedDict
+from typing import TYPE_CHECKING, Annotated, Any, NotRequired, TypedDict
 
 from msgspec import Meta
 
 from adrl.agents.metrics import METRICS_FILE
-from adrl.deploy.policy import CONFIG_FILE
+from adrl.deploy.policies import ResolvedPolicy, find_policy
+from adrl.deploy.policy import CONFIG_FILE, WEIGHTS_FILE
 from adrl.errors import CheckpointError, FileError
 from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.results import EPISODES_FILE, SUMMARY_FILE, read_episodes, read_table
@@ -51,11 +53,12 @@ class Source:
     driven: "pa.Table | None" = None
     """Every episode of a comparison, with columns method, seed and guidance."""
     missing: list[str] = field(default_factory=list)
-    """Jobs of a comparison that have no result."""
+    """Jobs of a comparison that have no result; evaluations of a run's policy as it was before."""
 
 
-def read_source(folder: Path) -> Source:
+def read_source(folder: str | os.PathLike[str]) -> Source:
     """Read a folder that adrl train, evaluate or compare wrote. Raises CheckpointError naming a bad file."""
+    folder = Path(folder)
     if not folder.is_dir():
         raise CheckpointError(f"{folder}: no such folder; give that of a run, a comparison or an evaluation")
     if (folder / RESULTS_FILE).exists() and (folder / SETTINGS_FILE).exists():
@@ -84,6 +87,26 @@ def evaluation_folders(run: Path) -> list[Path]:
     return sorted(path.parent for path in run.glob(f"*/{SUMMARY_FILE}"))
 
 
+def outdated(run: Path) -> list[Path]:
+    """Those of the evaluation folders that are of the run's policy as it was before: it has been trained for longer.
+
+    Told by what stands in them, not by the files' times. Raises AdrlError.
+    """
+    if not (run / WEIGHTS_FILE).exists():
+        return []
+    policy = find_policy(run)
+    return [folder for folder in evaluation_folders(run) if _is_earlier(read_summary(folder), policy)]
+
+
+def _is_earlier(summary: Mapping[str, Any], policy: ResolvedPolicy) -> bool:
+    if (summary.get("method"), summary.get("policy")) != (policy.method, policy.name):
+        return False
+    if summary.get("policy_fingerprint") is not None:
+        return summary["policy_fingerprint"] != policy.fingerprint
+    # Of a version that kept none.
+    return any(summary.get(name) != policy.training[name] for name in ("env_steps", "gradient_updates"))
+
+
 Rate = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
@@ -100,6 +123,7 @@ class _Summary(TypedDict):
     success: Rate
     collision: Rate
     timeout: Rate
+    paper_literal: NotRequired[bool]
 
 
 class _Name(TypedDict, total=False):
@@ -177,10 +201,16 @@ def read_run(folder: Path) -> dict[str, Any]:
     return _read(folder / CONFIG_FILE, _Trained)
 
 
+def read_summary(folder: Path) -> dict[str, Any]:
+    """That of adrl evaluate. Raises CheckpointError."""
+    return _read(folder / SUMMARY_FILE, _Summary)
+
+
 def _run(folder: Path) -> Source:
     config = read_run(folder) if (folder / CONFIG_FILE).exists() else {}
     method = str(config.get("method", "policy"))
-    evaluations = [_evaluated(path, path.name) for path in evaluation_folders(folder)]
+    earlier = outdated(folder)
+    evaluations = [_evaluated(path, path.name) for path in evaluation_folders(folder) if path not in earlier]
     # Its own policy before what it is measured against.
     evaluations.sort(key=lambda entry: entry.summary["method"] != method)
     return Source(
@@ -190,6 +220,7 @@ def _run(folder: Path) -> Source:
         logs={method: [folder / METRICS_FILE]},
         rows=[_row(evaluation) for evaluation in evaluations],
         evaluations=evaluations,
+        missing=[f"{path.name} (of the policy before it was trained for longer)" for path in earlier],
     )
 
 
@@ -227,7 +258,7 @@ def _comparison(folder: Path) -> Source:
             evaluations.append(_evaluated(kept, f"{job.name}, {kept.name}"))
     rows = [dict(row) for row in results["rows"]]
     for row in rows:
-        seeds = "planner" if row["seeds"] is None else f"{row['seeds']} seeds"
+        seeds = "not trained here" if row["seeds"] is None else f"{row['seeds']} seeds"
         row |= {"label": row["method"], "note": f"{row['guidance']}, {seeds}"}
     learner = shared["learner"]
     budgets = [] if learner["steps"] is None else [f"{learner['steps']:,} steps"]
@@ -259,7 +290,7 @@ def _comparison(folder: Path) -> Source:
 
 
 def _evaluated(folder: Path, label: str) -> Evaluated:
-    summary = _read(folder / SUMMARY_FILE, _Summary)
+    summary = read_summary(folder)
     traces = folder / TRACES_FILE
     return Evaluated(
         label=label,

@@ -1,5 +1,6 @@
 """The paper's section IV with our statistics: two scenarios, each a comparison, and what is kept of them."""
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -56,8 +57,8 @@ def preset(name: str) -> dict[str, CompareConfig]:
 
 def reproduce(
     comparisons: Mapping[str, CompareConfig],
-    out: Path,
-    results: Path,
+    out: str | os.PathLike[str],
+    results: str | os.PathLike[str],
     *,
     name: str,
     on_change: Callable[[int, int, int], None] | None = None,
@@ -68,6 +69,7 @@ def reproduce(
     when `out` is gone. name: the preset's. on_change(done, running, total) is told the progress over all of them.
     Returns the jobs whose process failed: scenario/name -> its log. Raises AdrlError as compare does.
     """
+    out, results = Path(out), Path(results)
     placed = {scenario: replace(config, out=out / scenario) for scenario, config in comparisons.items()}
     for scenario, config in placed.items():
         claim(config, results / scenario)

@@ -1,5 +1,6 @@
 """Tables of `adrl reproduce` as Markdown and JSON: Table I beside the paper's numbers, and what tells more."""
 
+import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -32,8 +33,9 @@ CLAIMS_NOTE = (
 )
 
 
-def write_report(folder: Path) -> list[Path]:
+def write_report(folder: str | os.PathLike[str]) -> list[Path]:
     """Figures, tables.json and README.md of the results in a folder, from its files alone. Raises CheckpointError."""
+    folder = Path(folder)
     results = load(folder)
     tables = {scenario: table_rows(results, scenario) for scenario in results.scenarios}
     summaries = {scenario: summary_rows(results, scenario) for scenario in results.scenarios}

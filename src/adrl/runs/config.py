@@ -10,6 +10,7 @@ from adrl.agents.config import TrainConfig
 from adrl.agents.methods import Method, method_config, method_name
 from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig
+from adrl.outputs import as_paths
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards.config import STANDING_AT_WORST
 from adrl.simulators import NATIVE, find_simulator
@@ -60,6 +61,7 @@ class RunConfig(Place):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        as_paths(self, "out", "fine_tune", "dataset")
         find_simulator(self.env)
         if self.env != NATIVE and self.resume:
             raise ConfigError(f"a run in {self.env} cannot be resumed: it keeps no state; start another")

@@ -11,7 +11,7 @@ from adrl.agents.config import TrainConfig
 from adrl.agents.interface import Validation
 from adrl.agents.methods import method_name
 from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy, resolve_policy
-from adrl.envs import NavVectorEnv
+from adrl.envs import NavVectorEnv, Setting
 from adrl.evaluation.metrics import success_rate
 from adrl.evaluation.rollout import Rewards, rollout
 from adrl.observation import EncoderConfig
@@ -93,12 +93,14 @@ class Run:
             result = rollout(
                 policy,
                 tasks(),
-                self.robot,
-                guidance=self.guidance,
-                encoder=self.encoder,
+                Setting(
+                    robot=self.robot,
+                    guidance=self.guidance,
+                    encoder=self.encoder,
+                    replanner=self.replanner,
+                    maturity=policy.config.maturity,
+                ),
                 num_threads=1,
-                replanner=self.replanner,
-                maturity=policy.config.maturity,
                 rewards=Rewards(config=learner.reward, gamma=learner.td3.gamma, maturity=maturity),
             )
             return Validation(

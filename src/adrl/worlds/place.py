@@ -8,6 +8,7 @@ from typing import Any
 
 from adrl.errors import ConfigError
 from adrl.json_files import checked
+from adrl.outputs import as_paths
 from adrl.types import Scenario
 from adrl.worlds import BarnScenario, MapScenario, SdfScenario, get_scenario
 from adrl.worlds.fixed import FixedWorld
@@ -38,6 +39,8 @@ class Place:
     training has the others; 0 trains, validates and tests on all."""
 
     def __post_init__(self) -> None:
+        as_paths(self, "map", "world", "barn")
+        object.__setattr__(self, "models", tuple(map(Path, self.models)))
         if sum(place is not None for place in (self.scenario, self.map, self.world, self.barn)) > 1:
             raise ConfigError("give one of scenario, map, world and barn")
         if self.unknown != "solid" and self.map is None:
