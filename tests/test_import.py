@@ -87,3 +87,18 @@ def test_unknown_attribute() -> None:
         _ = adrl.trian  # pyright: ignore[reportAttributeAccessIssue]
     assert not hasattr(adrl, "__path_to_nowhere__")
     assert {"train", "evaluate", "load_policy", "__version__"} <= set(dir(adrl))
+
+
+@pytest.mark.parametrize(
+    ("before", "now"),
+    [
+        ("adrl.integrations.driver", "adrl.deploy.driver"),
+        ("adrl.integrations.localisation", "adrl.deploy.localisation"),
+        ("adrl.motion", "adrl.observation.motion"),
+        ("adrl.poses", "adrl.geometry"),
+    ],
+)
+def test_modules_that_moved_are_found_by_their_names_of_before(before: str, now: str) -> None:
+    old, new = importlib.import_module(before), importlib.import_module(now)
+    assert old.__all__
+    assert all(getattr(old, name) is getattr(new, name) for name in old.__all__)

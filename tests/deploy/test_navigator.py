@@ -170,14 +170,14 @@ def test_what_it_says_of_itself():
     assert navigator.step(*still((0.0, 0.0, 0.0), 0.7), 0.7).status == "idle"
 
 
-def test_a_robot_needs_numpy_safetensors_and_the_core_only():
+def test_a_robot_needs_numpy_safetensors_msgspec_and_the_core_only():
     """With every other package out of reach it loads the shipped policy and drives."""
     code = """
 import sys
 class Only:
     def find_spec(self, name, path=None, target=None):
         top = name.partition('.')[0]
-        if top in {'numpy', 'safetensors', 'adrl'} or top in sys.stdlib_module_names or top.startswith('_adrl'):
+        if top in {'numpy', 'safetensors', 'msgspec', 'adrl'} or top in sys.stdlib_module_names or top.startswith('_adrl'):
             return None
         raise ModuleNotFoundError(f'no {name} on a robot')
 sys.meta_path.insert(0, Only())

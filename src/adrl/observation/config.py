@@ -1,13 +1,16 @@
 """How a scan and the rest become an observation. Stored with every policy."""
 
 from dataclasses import asdict, dataclass, replace
-from typing import Annotated, Any
-
-import tyro
+from typing import TYPE_CHECKING, Annotated, Any
 
 from adrl.errors import ConfigError
 from adrl.observation.component import ComponentFactory
 from adrl.ranges import Range, check_ranges
+
+if TYPE_CHECKING:
+    ExtraComponent = str | ComponentFactory
+else:
+    ExtraComponent = str  # what the command line reads; a robot has no library that could be told more
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +27,7 @@ class EncoderConfig:
     history_steps: Annotated[int, Range(0, 50)] = 0
     """Control periods between the two scans whose comparison adds num_sectors motion cues (see motion), 0 to 50; 0 for
     none."""
-    extra_components: tuple[Annotated[str | ComponentFactory, tyro.conf.arg(constructor=str)], ...] = ()
+    extra_components: tuple[ExtraComponent, ...] = ()
     """Components after the built-in ones: factories, or names of the entry point group
     "adrl.observation_components"."""
 
