@@ -177,7 +177,8 @@ import sys
 class Only:
     def find_spec(self, name, path=None, target=None):
         top = name.partition('.')[0]
-        if top in {'numpy', 'safetensors', 'msgspec', 'adrl'} or top in sys.stdlib_module_names or top.startswith('_adrl'):
+        ours = top in {'numpy', 'safetensors', 'msgspec', 'adrl'} or top.startswith('_adrl')
+        if ours or top in sys.stdlib_module_names:
             return None
         raise ModuleNotFoundError(f'no {name} on a robot')
 sys.meta_path.insert(0, Only())
