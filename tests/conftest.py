@@ -1,4 +1,4 @@
-"""What all tests share: a headless machine, and the data beside the repository."""
+"""What all tests share: a headless machine, data, a browser."""
 
 import os
 import shutil
@@ -10,6 +10,7 @@ import pytest
 from hypothesis import settings
 
 from refusals import Adrl
+from small_data import DATA, write_barn, write_cities
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -18,6 +19,9 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("SDL_VIDEODRIVER", "dummy")
 
 IN_CI = os.environ.get("CI") == "true"
+SHARED = Path(__file__).resolve().parents[2] / "shared" / "data"
+BOTH = ["small", "shared"] if SHARED.is_dir() or IN_CI else ["small"]
+"""Where data come from: small ones of the tests' own and, where it is beside the repository, ../shared/data."""
 
 # A busy machine is no failure; in CI the same examples are tried every time.
 settings.register_profile("adrl", deadline=None, derandomize=IN_CI)
@@ -25,15 +29,36 @@ settings.load_profile("adrl")
 
 
 @pytest.fixture(scope="session")
-def shared_data() -> Path:
-    """The folder ../shared/data of maps and worlds. Absent: the test is skipped, in CI it fails."""
-    path = Path(__file__).resolve().parents[2] / "shared" / "data"
-    if not path.is_dir():
-        message = "the folder shared/data is not beside the repository"
-        if IN_CI:
-            pytest.fail(message)
-        pytest.skip(message)
-    return path
+def maps() -> Path:
+    """The folder of published maps: turtlebot3_world/map.yaml, depot/depot.yaml, willow/willow-full.yaml."""
+    return DATA / "maps"
+
+
+@pytest.fixture(scope="session", params=BOTH)
+def barn(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """50 worlds of the BARN benchmark, worlds/ and paths/: drawn from tests/data, and its own files."""
+    if request.param == "shared":
+        return shared("barn")
+    folder = tmp_path_factory.mktemp("barn")
+    write_barn(folder)
+    return folder
+
+
+@pytest.fixture(scope="session", params=BOTH)
+def cities(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two grids and scenarios with known optima in Moving AI's format: drawn ones, and the published."""
+    if request.param == "shared":
+        return shared("movingai")
+    folder = tmp_path_factory.mktemp("cities")
+    write_cities(folder)
+    return folder
+
+
+def shared(name: str) -> Path:
+    """A folder of ../shared/data, which CI must have."""
+    if not (SHARED / name).is_dir():
+        pytest.fail(f"the folder shared/data/{name} is not beside the repository")
+    return SHARED / name
 
 
 @pytest.fixture(scope="session")

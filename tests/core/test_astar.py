@@ -114,9 +114,8 @@ def read_movingai(folder: Path, city: str) -> tuple[Bitmap, list[tuple[Cell, Cel
 
 
 @pytest.mark.parametrize("city", ["Berlin_0_256", "Boston_1_256"])
-def test_every_published_optimum(shared_data: Path, city: str):
-    blocked, scenarios = read_movingai(shared_data / "movingai", city)
-    assert blocked.shape == (256, 256)
+def test_every_published_optimum(cities: Path, city: str):
+    blocked, scenarios = read_movingai(cities, city)
     assert len(scenarios) >= 900
     for start, goal, optimum in scenarios:
         cells, length = _core.astar(blocked, start, goal)
@@ -162,8 +161,8 @@ def test_shortened_paths_keep_their_ends_stay_free_and_are_never_longer(blocked:
 
 
 @pytest.mark.parametrize("city", ["Berlin_0_256", "Boston_1_256"])
-def test_long_paths_through_cities_are_pulled_taut(shared_data: Path, city: str):
-    blocked, scenarios = read_movingai(shared_data / "movingai", city)
+def test_long_paths_through_cities_are_pulled_taut(cities: Path, city: str):
+    blocked, scenarios = read_movingai(cities, city)
     for start, goal, _ in scenarios[::180]:
         assert_is_pulled_taut(blocked, _core.astar(blocked, start, goal)[0])
 

@@ -426,9 +426,9 @@ class Lossy(Loop):
 
 
 @pytest.mark.slow
-def test_of_many_goals_in_a_row_none_is_waited_for_for_ever(shared_data: Path) -> None:
+def test_of_many_goals_in_a_row_none_is_waited_for_for_ever(maps: Path) -> None:
     """Without recovery it ends beside a pillar that the policy hugs, in one goal of some hundreds."""
-    a_map = shared_data / "maps" / "turtlebot3_world" / "map.yaml"
+    a_map = maps / "turtlebot3_world" / "map.yaml"
     tasks = task_set(MapScenario(a_map), ROBOT, "test", 201)
     loop = Lossy(a_map, tasks, 6)
     loop.run(2, localised=True)

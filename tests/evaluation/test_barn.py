@@ -160,10 +160,10 @@ def test_a_limit_that_limits_nothing_is_refused(v_max: float) -> None:
 
 
 @pytest.fixture
-def two_worlds(shared_data: Path, tmp_path: Path) -> Path:
+def two_worlds(barn: Path, tmp_path: Path) -> Path:
     for number in (18, 67):
-        shutil.copy(shared_data / "barn" / "worlds" / f"world_{number}.world", tmp_path)
-        shutil.copy(shared_data / "barn" / "paths" / f"path_{number}.npy", tmp_path)
+        shutil.copy(barn / "worlds" / f"world_{number}.world", tmp_path)
+        shutil.copy(barn / "paths" / f"path_{number}.npy", tmp_path)
     return tmp_path
 
 

@@ -36,5 +36,5 @@ def ros(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Ros]:
 
 
 @pytest.fixture
-def a_map(shared_data: Path) -> str:
-    return str(shared_data / "maps" / "turtlebot3_world" / "map.yaml")
+def a_map(maps: Path) -> str:
+    return str(maps / "turtlebot3_world" / "map.yaml")

@@ -14,9 +14,9 @@ from adrl.worlds.map_scenario import MapScenario
 
 
 @pytest.mark.parametrize("name", ["diffbot", "jackal"])
-def test_paths_are_those_of_the_planner(shared_data: Path, name: str):
+def test_paths_are_those_of_the_planner(maps: Path, name: str):
     """Though the map's clearances are computed once only."""
-    path = next((shared_data / "maps").rglob("depot.yaml"))
+    path = maps / "depot" / "depot.yaml"
     robot, world = ROBOTS[name], load_map(path)
     guide = MapGuide(world, robot)
     for task in task_set(MapScenario(path), robot, "validation", 3):

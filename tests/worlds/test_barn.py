@@ -30,13 +30,13 @@ JACKAL = ROBOTS["jackal"]
 
 
 @pytest.fixture(scope="module")
-def folder(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(barn: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Ten of the given worlds: reading all of them takes seconds."""
     folder = tmp_path_factory.mktemp("barn")
-    files = sorted((shared_data / "barn" / "worlds").glob("*.world"), key=number_of)[::5]
+    files = sorted((barn / "worlds").glob("*.world"), key=number_of)[::5]
     for file in files:
         shutil.copy(file, folder)
-        shutil.copy(shared_data / "barn" / "paths" / f"path_{number_of(file)}.npy", folder)
+        shutil.copy(barn / "paths" / f"path_{number_of(file)}.npy", folder)
     return folder
 
 

@@ -43,10 +43,10 @@ def test_equal_things_in_any_order_are_one_world_and_a_moved_one_makes_another(s
 
 
 @pytest.fixture
-def folder(shared_data: Path, tmp_path: Path) -> Path:
+def folder(barn: Path, tmp_path: Path) -> Path:
     for number in (18, 67, 105):
-        shutil.copy(shared_data / "barn" / "worlds" / f"world_{number}.world", tmp_path)
-        shutil.copy(shared_data / "barn" / "paths" / f"path_{number}.npy", tmp_path)
+        shutil.copy(barn / "worlds" / f"world_{number}.world", tmp_path)
+        shutil.copy(barn / "paths" / f"path_{number}.npy", tmp_path)
     return tmp_path
 
 

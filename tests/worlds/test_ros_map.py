@@ -304,6 +304,6 @@ def test_what_unknown_cells_are_is_a_word(tmp_path: Path) -> None:
     ("name", "free_m2"),
     [("willow/willow-full", 2900.0), ("depot/depot", 448.7), ("turtlebot3_world/map", 19.8)],
 )
-def test_the_published_maps_load(shared_data: Path, name: str, free_m2: float) -> None:
-    grid = load_grid(shared_data / "maps" / f"{name}.yaml")
+def test_the_published_maps_load(maps: Path, name: str, free_m2: float) -> None:
+    grid = load_grid(maps / f"{name}.yaml")
     assert (grid.solid == 0).sum() * grid.resolution_m**2 == pytest.approx(free_m2, rel=0.05)

@@ -347,15 +347,15 @@ def test_entities_are_refused_in_any_encoding(tmp_path: Path, encoding: str) -> 
 
 
 @pytest.mark.slow
-def test_every_barn_world_loads_and_its_published_path_is_free(shared_data: Path) -> None:
+def test_every_barn_world_loads_and_its_published_path_is_free(barn: Path) -> None:
     """Ties our frame to the benchmark's: its paths, made for a Jackal, keep well away from the cylinders."""
-    files = sorted((shared_data / "barn" / "worlds").glob("*.world"))
+    files = sorted((barn / "worlds").glob("*.world"))
     assert len(files) == 50
     for file in files:
         world = load_sdf(file)
         assert len(world.circles) > 150
         assert (world.circles[:, 2] == 0.075).all()
-        cells = np.load(shared_data / "barn" / "paths" / f"path_{file.stem.split('_')[1]}.npy")
+        cells = np.load(barn / "paths" / f"path_{file.stem.split('_')[1]}.npy")
         points = np.column_stack(
             [cells[:, 0] * 0.15 - 4.575, cells[:, 1] * 0.15 + 5.075, np.zeros(len(cells))]
         )

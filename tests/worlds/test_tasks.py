@@ -43,8 +43,8 @@ def check_on_map(scenario: FixedWorld, robot: RobotConfig, tasks: list[Task]) ->
 
 @EVERY_ROBOT
 @pytest.mark.parametrize("name", ["willow/willow-full", "depot/depot"])
-def test_large_maps_give_five_to_thirty_metres(shared_data: Path, name: str, robot: RobotConfig) -> None:
-    scenario = MapScenario(shared_data / "maps" / f"{name}.yaml")
+def test_large_maps_give_five_to_thirty_metres(maps: Path, name: str, robot: RobotConfig) -> None:
+    scenario = MapScenario(maps / f"{name}.yaml")
     tasks = task_set(scenario, robot, "test", 30)
     assert all(5.0 <= task.shortest_m <= 30.0 for task in tasks)
     assert max(task.shortest_m for task in tasks) > 15.0
@@ -52,8 +52,8 @@ def test_large_maps_give_five_to_thirty_metres(shared_data: Path, name: str, rob
 
 
 @EVERY_ROBOT
-def test_a_small_map_gives_what_it_can(shared_data: Path, robot: RobotConfig) -> None:
-    scenario = MapScenario(shared_data / "maps" / "turtlebot3_world" / "map.yaml")
+def test_a_small_map_gives_what_it_can(maps: Path, robot: RobotConfig) -> None:
+    scenario = MapScenario(maps / "turtlebot3_world" / "map.yaml")
     tasks = task_set(scenario, robot, "test", 30)
     assert all(task.shortest_m >= 1.0 for task in tasks)
     if robot.circumscribed_radius_m < 0.3:  # the Jackal fits between few of the pillars
@@ -61,8 +61,8 @@ def test_a_small_map_gives_what_it_can(shared_data: Path, robot: RobotConfig) ->
     check_on_map(scenario, robot, tasks)
 
 
-def test_tasks_of_a_map_are_fixed_and_differ_between_splits(shared_data: Path) -> None:
-    path = shared_data / "maps" / "depot" / "depot.yaml"
+def test_tasks_of_a_map_are_fixed_and_differ_between_splits(maps: Path) -> None:
+    path = maps / "depot" / "depot.yaml"
     first, again = (task_set(MapScenario(path), DIFFBOT, "test", 5) for _ in range(2))
     assert [task.start + task.goal for task in first] == [task.start + task.goal for task in again]
     others = task_set(MapScenario(path), DIFFBOT, "train", 5)
@@ -71,8 +71,8 @@ def test_tasks_of_a_map_are_fixed_and_differ_between_splits(shared_data: Path) -
 
 
 @EVERY_ROBOT
-def test_barn_worlds_give_tasks(shared_data: Path, robot: RobotConfig) -> None:
-    scenario = SdfScenario(shared_data / "barn" / "worlds" / "world_83.world")
+def test_barn_worlds_give_tasks(barn: Path, robot: RobotConfig) -> None:
+    scenario = SdfScenario(barn / "worlds" / "world_83.world")
     for task in task_set(scenario, robot, "train", 5):
         assert task.world is scenario.world
         assert 5.0 <= task.shortest_m <= 30.0
