@@ -66,26 +66,26 @@ def run(packages: list[str], code: str, arguments: list[str]) -> subprocess.Comp
 
 @pytest.mark.integration
 def test_the_listed_packages_are_enough_for_nodes_and_maps(maps: Path) -> None:
-    drive, commands, maps = lines()
+    drive, commands, for_maps = lines()
     assert drive == ["msgspec", "numpy", "safetensors"]
     for arguments in NODES:
         done = run(drive + commands, COMMAND, arguments)
         assert done.returncode == 2
         assert "ROS" in done.stderr  # which comes last, and is not here
         assert "not installed" not in done.stderr
-    done = run(drive + maps, DRIVER, [str(maps / "turtlebot3_world" / "map.yaml")])
+    done = run(drive + for_maps, DRIVER, [str(maps / "turtlebot3_world" / "map.yaml")])
     assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.integration
 def test_what_is_missing_is_named_with_what_to_run(maps: Path) -> None:
-    drive, _, maps = lines()
+    drive, _, for_maps = lines()
     for arguments in NODES:
         done = run(drive, COMMAND, arguments)
         assert done.returncode == 2
         assert done.stderr == "adrl: error: the module tyro is not installed; run: pip install tyro\n"
-    for missing in maps:
-        rest = [package for package in maps if package != missing]
+    for missing in for_maps:
+        rest = [package for package in for_maps if package != missing]
         done = run(drive + rest, DRIVER, [str(maps / "turtlebot3_world" / "map.yaml")])
         assert "MissingExtra" in done.stderr
         assert f"pip install {missing}" in done.stderr
