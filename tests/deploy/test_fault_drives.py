@@ -51,6 +51,14 @@ def test_what_is_wrong_is_named_before_anything_is_hit(fault: str):
     assert drive.outcome == ("arrived" if FAULTS[fault].drivable else "timeout")
 
 
+@pytest.mark.integration
+def test_a_lidar_mounted_otherwise_is_told_before_anything_is_hit():
+    """Something stands half a metre ahead: a robot that suspects its mount goes slowly."""
+    faults = [name for name in FAULTS if name.startswith("mounted")]
+    for drive in fault_drives(faults, robots=["diffbot"], scenarios=["clutter"], tasks=2):
+        assert drive.outcome == "timeout", drive
+
+
 @pytest.mark.slow
 @pytest.mark.integration
 @pytest.mark.parametrize("robot", ROBOT_NAMES)

@@ -96,6 +96,12 @@ class Alignment:
         """Whether there is a suspicion against the newest scans, or was lately."""
         return self._calm < CALM
 
+    @property
+    def suspects_mount(self) -> bool:
+        """Whether the LiDAR may be mounted otherwise, as it seems so far."""
+        unsure = self._mount_sure < SURE
+        return unsure and bool(self._evidence.sums[-len(self._mounts) :].max() > DOUBT)
+
     def reasons(self, now_s: float) -> tuple[Reason, ...]:
         """To stand."""
         if self._mounted_otherwise:

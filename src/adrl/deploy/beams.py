@@ -75,7 +75,7 @@ class BeamWatch:
         if np.count_nonzero(vanished) * abs(scan.angle_increment_rad) > VANISHED_RAD:
             doubted_s = doubted_s + (passed_s if seen.any() else 0.0)
             gone = self._placed(scan, sensor, vanished, expected, doubted_s)
-            come = known[0][(np.abs(ranges - expected) > SLACK_M)[seen]]  # at other places than before
+            come = known[0][np.abs(ranges[seen] - expected[seen]) > SLACK_M]  # at other places than before
             stays = vanished.copy()
             stays[vanished] = _far_from(gone, come, WIDTH_M + moved_m + turned_rad * expected[vanished])
             empty = self._empty(scan, stays, seen, expected, moved_m)

@@ -31,6 +31,8 @@ NOISE_STDS = 2.0
 """Standard deviations of the LiDAR's noise that are the least distance to keep: nearer, noise hides what is there."""
 GENTLE = 0.5
 """Part of the robot's greatest speeds that is gentle."""
+CREEP = 0.2
+"""Part of the greatest speed at which a robot goes whose LiDAR may be mounted otherwise than is known."""
 FREE_M = 0.03
 """A free way keeps so much more clearance than the braking check asks for; of what is nearer already, it leads away."""
 CAUTIONS = frozenset[Reason](
@@ -187,6 +189,9 @@ class Supervisor:
         _, starting = self._base.roll((0.0, 0.0, 0.0), twist, pending)
         reasons = list(self.cautions)
         command = self._within_limits(wanted, starting)
+        if self._alignment.suspects_mount:  # what is ahead may be elsewhere: slowly, until that is clear
+            slow = CREEP * self.robot.max_speed_mps
+            command = (min(max(command[0], -slow), slow), command[1])
         if math.dist(command, wanted) > 1e-6:
             reasons.append("limited")
         around = self._surroundings
