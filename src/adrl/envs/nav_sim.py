@@ -57,11 +57,14 @@ class NavSim:
         reward: RewardConfig | None = None,
         replanner: ReplannerConfig | None = None,
         maturity: float = 0.0,
+        taken_as: RobotConfig | None = None,
         num_threads: int = 1,
         body: Body | None = None,
     ) -> None:
         """num_threads: 0 takes one per core. replanner, maturity: for guidance `replan`, S being the policy's.
 
+        taken_as: the robot as a policy of another one takes it, with speeds and a LiDAR's reach of its own; as it is
+        when None. See adrl.deploy.setup.as_trained.
         body: moves and senses the robots instead of our simulator; of the randomization it knows nothing. Raises
         UnknownName for a guidance that does not exist, ConfigError for a body with fewer robots.
         """
@@ -74,9 +77,10 @@ class NavSim:
             )
         self.num_envs = num_envs
         self.robot = robot
+        self._taken_as = taken_as or robot
         self.guidance = guidance
         self.body = body
-        self.encoder = ObservationEncoder(robot, encoder)
+        self.encoder = ObservationEncoder(self._taken_as, encoder)
         self.reward = reward or RewardConfig()
         self._randomization = randomization
         self.b = _buffers(num_envs, robot.lidar.num_beams)
@@ -85,7 +89,7 @@ class NavSim:
         self.replanner: Replanner | None = None
         if guidance == "replan":
             self.replanner = Replanner(
-                num_envs, robot, replanner, maturity=maturity, num_threads=self.native.num_threads
+                num_envs, self._taken_as, replanner, maturity=maturity, num_threads=self.native.num_threads
             )
         self.tasks: list[Task | None] = [None] * num_envs
         self._time_limit_s = np.full(num_envs, np.inf)
@@ -124,17 +128,17 @@ class NavSim:
         drawn = [draw_params(self.robot, self._randomization, count, drawer) for drawer, count in drawers]
         self.b["params"][indices] = np.concatenate(drawn)
         self.b["active"][indices] = 1
-        self._last_action[indices] = to_action(np.zeros((1, 2)), self.robot)
+        self._last_action[indices] = to_action(np.zeros((1, 2)), self._taken_as)
         self.native.reset(mask)
         if self.body is not None:
             self.body.reset(indices, tasks, self.b)
         if self._history is not None:
-            self._history.begin(indices, self.b["ranges"], self.b["odometry"])
+            self._history.begin(indices, self._ranges(), self.b["odometry"])
         if self.replanner is not None:
             goals = np.array([task.goal for task in tasks]).reshape(-1, 2)
             self.replanner.reset(indices, goals, self.b["odometry"][indices])
             self.b["waypoint"][:] = self.replanner.update(
-                self.b["ranges"], self.b["odometry"], mask.astype(bool)
+                self._ranges(), self.b["odometry"], mask.astype(bool)
             )
         # A robot that has just started is not stagnant: its window begins full.
         self._displacements[indices] = self.robot.max_speed_mps * self.robot.control_period_s
@@ -153,7 +157,7 @@ class NavSim:
         history = self._history
         if history is not None and not isinstance(rows, slice):
             history = history.of(rows)
-        return b["ranges"][rows], goal, b["twist"][rows], self._last_action[rows], history
+        return self._ranges()[rows], goal, b["twist"][rows], self._last_action[rows], history
 
     def step(self, actions: F32) -> Outcome:
         """Execute (N, 2) normalised actions for one control period on every active robot."""
@@ -163,14 +167,14 @@ class NavSim:
         before_waypoint = b["waypoint"].copy()
         before_distance = self._distance()
         self._last_action = np.clip(actions, -1.0, 1.0).astype(np.float32)
-        b["command"][:] = to_twist(actions, self.robot)
+        b["command"][:] = to_twist(actions, self._taken_as)
         if self.body is None:
             self.native.step()
         else:
             self.body.step(b)
             self.native.follow(before_pose)
         if self._history is not None:
-            self._history.add(b["ranges"], b["odometry"])
+            self._history.add(self._ranges(), b["odometry"])
         moved = np.hypot(*(b["pose"][:, :2] - before_pose[:, :2]).T)
         self._displacements[:, :-1] = self._displacements[:, 1:]
         self._displacements[:, -1] = moved
@@ -196,7 +200,7 @@ class NavSim:
         )
         if self.replanner is not None:
             active = b["active"].astype(bool)
-            b["waypoint"][:] = self.replanner.update(b["ranges"], b["odometry"], active)
+            b["waypoint"][:] = self.replanner.update(self._ranges(), b["odometry"], active)
             step = dataclasses.replace(step, distance_m=self._distance())
         self._features = features(step, self.reward)
         return outcome
@@ -205,7 +209,7 @@ class NavSim:
         """(N, 2) actions of A*+DWA in the current states. It knows the world and where discs will be."""
         command = np.zeros((self.num_envs, 2))
         self.native.plan(command)
-        return to_action(command, self.robot)
+        return to_action(command, self._taken_as)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Copies of all that changes; with the tasks, enough to continue to the same bytes."""
@@ -244,6 +248,12 @@ class NavSim:
             self.tasks[i] = task
             if task is not None:
                 self.native.set_task(i, task.native)
+
+    def _ranges(self) -> F32:
+        """(N, K) metres, by a LiDAR of the reach that the policy knows; beyond the robot's own all is free."""
+        ranges, reach = self.b["ranges"], np.float32(self.robot.lidar.max_range_m)
+        known = np.float32(self._taken_as.lidar.max_range_m)
+        return ranges if reach == known else np.where(ranges < reach, np.minimum(ranges, known), known)
 
     def _distance(self, rows: Rows = ALL) -> Array:
         """(N,) metres to the goal: straight, or along the path for guidance `map`.

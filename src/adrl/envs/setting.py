@@ -23,6 +23,8 @@ class Setting:
     maturity: float = 0.0
     """S of eq 20: the policy's, for the replanner's thresholds."""
     randomization: Randomization = NOMINAL
+    taken_as: RobotConfig | None = None
+    """The robot as a policy of another one takes it; see NavSim."""
 
     def simulate(
         self,
@@ -42,6 +44,7 @@ class Setting:
             reward=reward,
             replanner=self.replanner,
             maturity=self.maturity,
+            taken_as=self.taken_as,
             num_threads=num_threads,
             body=body,
         )

@@ -16,7 +16,7 @@ from adrl.bags import BagWriter, require_new_bag
 from adrl.baselines.planners import PLANNERS
 from adrl.deploy.policies import ResolvedPolicy, find_policy
 from adrl.deploy.policy import MlpPolicy
-from adrl.deploy.setup import other_robot
+from adrl.deploy.setup import as_trained, other_robot
 from adrl.envs import Body, NavSim, Setting
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.bag_recorder import BagRecorder
@@ -144,6 +144,7 @@ def evaluate(
                 encoder=encoder,
                 replanner=constants,
                 maturity=driver.maturity,
+                taken_as=None if driver.robot is None else as_trained(config, driver.robot),
             ),
             encoder=own,
             seed=seed,
