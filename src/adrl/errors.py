@@ -4,6 +4,11 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 
+def brief(text: object) -> str:
+    """On one line and not long: what a message quotes of a file, or of another library's error."""
+    return " ".join(str(text).split())[:200]
+
+
 class AdrlError(Exception):
     """Base of all errors caused by the input, not by a fault in ADRL."""
 

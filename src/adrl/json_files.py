@@ -9,7 +9,7 @@ from typing import Any, Never, TypeVar
 
 import msgspec
 
-from adrl.errors import FileError
+from adrl.errors import FileError, brief
 from adrl.files import read_text
 
 MAX_BYTES = 2**24
@@ -80,7 +80,7 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(content) < len(pairs):
         keys = [key for key, _ in pairs]
         twice = next(key for key in content if keys.count(key) > 1)
-        raise FileError(f"has {twice[:60]!r} twice; leave one")
+        raise FileError(f"has {brief(twice)!r} twice; leave one")
     return content
 
 

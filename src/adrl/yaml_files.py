@@ -6,7 +6,7 @@ from typing import Any
 
 import yaml
 
-from adrl.errors import FileError
+from adrl.errors import FileError, brief
 from adrl.files import read_text
 
 MAX_BYTES = 2**20
@@ -24,7 +24,7 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
         line = f" in line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise FileError(f"is not valid YAML: {error.problem}{line}") from None
     except (yaml.YAMLError, ValueError) as error:
-        raise FileError(f"is not valid YAML: {' '.join(str(error).split())[:200]}") from None
+        raise FileError(f"is not valid YAML: {brief(error)}") from None
 
 
 class _Loader(yaml.SafeLoader):

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from safetensors import SafetensorError
 from safetensors.numpy import load_file, save_file
 
-from adrl.errors import CheckpointError, FileError
+from adrl.errors import CheckpointError, FileError, brief
 from adrl.files import require_ordinary, sync, write_json
 from adrl.json_files import checked, read_json
 
@@ -143,7 +143,7 @@ def _read_arrays(path: Path) -> Arrays:
     except FileError as error:
         raise CheckpointError(f"{path} {error}; the checkpoint is damaged, delete its folder") from None
     except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
-        raise CheckpointError(f"{path}: truncated, or not a safetensors file ({error})") from None
+        raise CheckpointError(f"{path}: truncated, or not a safetensors file ({brief(error)})") from None
 
 
 def _complete(folder: Path) -> list[Path]:

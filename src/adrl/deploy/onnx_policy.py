@@ -8,7 +8,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from adrl.deploy.policy import fingerprint, read_model
-from adrl.errors import CheckpointError, ConfigError, FileError, MissingExtra
+from adrl.errors import CheckpointError, ConfigError, FileError, MissingExtra, brief
 from adrl.json_files import parse_json
 from adrl.observation import Measurements
 from adrl.planning.replanner_config import ReplannerConfig
@@ -48,7 +48,9 @@ class OnnxPolicy:
             self.replanner = ReplannerConfig(**parse_json(about.get("replanner", "{}"), dict[str, Any]))
             self.maturity = parse_json(about["maturity"], float)
         except (TypeError, ConfigError, FileError) as error:
-            raise CheckpointError(f"{name}: its metadata is damaged ({error}); export it again") from None
+            raise CheckpointError(
+                f"{name}: its metadata is damaged ({brief(error)}); export it again"
+            ) from None
         self.guidance, self.method = about["guidance"], about["method"]
 
     def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -80,6 +82,5 @@ def load_onnx(path: Path) -> OnnxPolicy:
     try:
         session = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
     except Exception as error:  # of a type that onnxruntime keeps to itself
-        reason = " ".join(str(error).split())
-        raise CheckpointError(f"{path}: not a readable ONNX model ({reason[:200]})") from None
+        raise CheckpointError(f"{path}: not a readable ONNX model ({brief(error)})") from None
     return OnnxPolicy(session, path.name, fingerprint(content))

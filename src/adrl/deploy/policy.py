@@ -16,7 +16,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as read_safetensors
 from safetensors.numpy import save as pack_safetensors
 
-from adrl.errors import CheckpointError, FileError
+from adrl.errors import CheckpointError, FileError, brief
 from adrl.files import atomic_write_bytes, read_bytes, write_json
 from adrl.json_files import checked, read_json
 from adrl.types import ACTION_SIZE
@@ -143,7 +143,7 @@ def load_policy(folder: str | os.PathLike[str]) -> MlpPolicy:
     except FileError as error:
         raise CheckpointError(f"{path} {error}; give the folder of a finished training run") from None
     except (SafetensorError, ValueError, KeyError, TypeError) as error:
-        raise CheckpointError(f"{path}: truncated, or not a safetensors file ({error})") from None
+        raise CheckpointError(f"{path}: truncated, or not a safetensors file ({brief(error)})") from None
     return MlpPolicy(_layers(path, tensors, config), config)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from adrl import files, outputs
-from adrl.errors import CheckpointError, ConfigError, FileError
+from adrl.errors import CheckpointError, ConfigError, FileError, brief
 from adrl.evaluation.metrics import OVER_SUCCESSES, RATES, SAMPLES, Episodes, on_common_tasks, solved_by_all
 from adrl.evaluation.statistics import (
     Interval,
@@ -156,7 +156,9 @@ def read_table(path: str | os.PathLike[str]) -> "pa.Table":
         table.validate(full=True)
         return table
     except (FileError, pa.ArrowException, OSError, ValueError, KeyError) as error:
-        raise CheckpointError(f"{path}: not a readable Parquet file ({error}); evaluate again") from error
+        raise CheckpointError(
+            f"{path}: not a readable Parquet file ({brief(error)}); evaluate again"
+        ) from error
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from safetensors.numpy import save as pack_safetensors
 
 from adrl import files
 from adrl.envs.nav_sim import NavSim, Outcome
-from adrl.errors import AdrlError, CheckpointError, FileError
+from adrl.errors import AdrlError, CheckpointError, FileError, brief
 from adrl.evaluation.metrics import RATES
 from adrl.json_files import parse_json
 from adrl.observation import in_robot_frame
@@ -295,7 +295,9 @@ def read_traces(path: str | os.PathLike[str]) -> Traces:
     except CheckpointError:
         raise
     except (AdrlError, SafetensorError, OSError, ValueError, KeyError, TypeError, IndexError) as error:
-        raise CheckpointError(f"{path}: truncated, or not the traces of adrl evaluate ({error!r})") from error
+        raise CheckpointError(
+            f"{path}: truncated, or not the traces of adrl evaluate ({brief(repr(error))})"
+        ) from error
 
 
 def _unpack(about: _About, tensors: Mapping[str, NDArray[Any]]) -> Traces:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NotRequired, TypedDict
 
+import numpy as np
 from msgspec import Meta
 
 from adrl.agents.metrics import METRICS_FILE
@@ -291,12 +292,15 @@ def _comparison(folder: Path) -> Source:
 
 def _evaluated(folder: Path, label: str) -> Evaluated:
     summary = read_summary(folder)
-    traces = folder / TRACES_FILE
+    path, episodes = folder / TRACES_FILE, read_episodes(folder / EPISODES_FILE)
+    traces = read_traces(path) if path.exists() else None
+    if traces is not None and not np.array_equal(traces.tasks, episodes.task):
+        raise CheckpointError(f"{path}: is of other tasks than {EPISODES_FILE}; evaluate again")
     return Evaluated(
         label=label,
         summary=summary,
-        episodes=read_episodes(folder / EPISODES_FILE),
-        traces=read_traces(traces) if traces.exists() else None,
+        episodes=episodes,
+        traces=traces,
     )
 
 

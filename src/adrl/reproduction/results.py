@@ -22,6 +22,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from adrl.errors import CheckpointError, FileError
+from adrl.evaluation.results import read_table
 from adrl.evaluation.statistics import Interval
 from adrl.json_files import checked, read_json
 
@@ -60,7 +61,7 @@ NO_SEED = -1
 """Seed of the planner."""
 
 
-FileName = Annotated[str, Meta(pattern=r"^[\w.-]*\w[\w.-]*$")]
+FileName = Annotated[str, Meta(max_length=100, pattern=r"^[\w.-]*\w[\w.-]*$")]
 
 
 class _Preset(TypedDict):
@@ -188,14 +189,16 @@ def _add_job(results: Results, scenario: str, folder: Path) -> None:
         results.versions.append(run["versions"])
     number = NO_SEED if seed is None else seed
     if seed is not None:
-        curve = _table(folder / CURVE_FILE)
+        curve = _table(folder / CURVE_FILE, CURVE_COLUMNS)
         results.curves[scenario, method, number] = {n: curve[n].astype(np.float64) for n in CURVE_COLUMNS}
-    for guidance, part in _by_guidance(_table(folder / EPISODES_FILE)):
+    for guidance, part in _by_guidance(_table(folder / EPISODES_FILE, OUTCOMES, ("guidance",))):
         order = np.argsort(part["task"], kind="stable")
         by_seed = results.episodes.setdefault((scenario, method, guidance), {})
         by_seed[number] = {name: part[name][order] for name in OUTCOMES}
     if (folder / ROUTES_FILE).exists():
-        for guidance, part in _by_guidance(_table(folder / ROUTES_FILE)):
+        for guidance, part in _by_guidance(
+            _table(folder / ROUTES_FILE, ROUTE_COLUMNS[1:], ROUTE_COLUMNS[:1])
+        ):
             results.routes[scenario, method, guidance] = part
 
 
@@ -215,20 +218,19 @@ def _json(path: Path, kind: type) -> dict[str, Any]:
     return content
 
 
-def _table(path: Path) -> Columns:
-    import pyarrow as pa
-    import pyarrow.parquet as pq
+def _table(path: Path, numbers: Sequence[str], texts: Sequence[str] = ()) -> Columns:
+    """These columns. Raises CheckpointError."""
+    import pyarrow.types as kinds
 
-    try:
-        with open(path, "rb") as stream:
-            table = pq.read_table(pa.py_buffer(stream.read()))
-    except FileNotFoundError:
-        raise CheckpointError(f"{path}: no such file; delete its folder and run adrl reproduce") from None
-    except (pa.ArrowException, OSError) as error:
-        raise CheckpointError(
-            f"{path}: not a readable Parquet file ({error}); delete its folder and run adrl reproduce"
-        ) from None
-    return {name: table.column(name).to_numpy(zero_copy_only=False) for name in table.column_names}
+    table = read_table(path)
+    for name in (*numbers, *texts):
+        column = table.column(name) if name in table.column_names else None
+        wanted = kinds.is_string if name in texts else lambda kind: kinds.is_primitive(kind)
+        if column is None or column.null_count or not wanted(column.type):
+            raise CheckpointError(
+                f"{path}: has no column {name} as adrl reproduce writes it; delete its folder and run adrl reproduce"
+            )
+    return {name: table.column(name).to_numpy() for name in (*numbers, *texts)}
 
 
 def finite(value: float | None) -> float | None:

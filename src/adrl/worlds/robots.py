@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from adrl.errors import ConfigError, FileError
+from adrl.errors import ConfigError, FileError, brief
 from adrl.files import read_text
 from adrl.registry import look_up
 from adrl.types import LidarConfig, RobotConfig
@@ -105,7 +105,7 @@ def _read_robot(path: Path) -> RobotConfig:
         # Python reads no integer of more than 4300 digits, and does not say where it stands.
         table = tomllib.loads(BEYOND_FLOAT.sub("inf", text))
     except (ValueError, RecursionError) as error:
-        raise ConfigError(f"robot file {path} is not valid TOML: {error}") from None
+        raise ConfigError(f"robot file {path} is not valid TOML: {brief(error)}") from None
     try:
         return robot_from_fields({"name": path.stem} | table)
     except ConfigError as error:
@@ -145,7 +145,7 @@ def _checked(table: Any, config: type, prefix: str) -> dict[str, Any]:
         if key not in kinds:
             nearest = get_close_matches(key, kinds, n=1, cutoff=0.4)
             hint = f"did you mean {nearest[0]!r}? " if nearest else ""
-            raise ConfigError(f"unknown key {prefix + key!r}: {hint}known: {', '.join(kinds)}")
+            raise ConfigError(f"unknown key {brief(prefix + key)!r}: {hint}known: {', '.join(kinds)}")
     return {key: _convert(prefix + key, value) for key, value in table.items() if key != "lidar"}
 
 

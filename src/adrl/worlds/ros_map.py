@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.errors import ConfigError, FileError, MapError, MissingExtra
+from adrl.errors import ConfigError, FileError, MapError, MissingExtra, brief
 from adrl.files import read_bytes
 from adrl.types import Array, OccupancyGrid, World
 
@@ -185,10 +185,12 @@ def read_header(path: Path) -> MapHeader:
     if missing:
         raise MapError(f"map {path} lacks {', '.join(missing)}; map_server needs {', '.join(required)}")
     if not isinstance(content["image"], str) or not content["image"]:
-        raise MapError(f"map {path}: image is {content['image']!r}; give the image's file name, in quotes")
+        raise MapError(
+            f"map {path}: image is {brief(repr(content['image']))}; give the image's file name, in quotes"
+        )
     mode = str(content.get("mode") or "trinary").lower()
     if mode not in MODES:
-        raise MapError(f"map {path}: mode is {mode!r}; give one of {', '.join(MODES)}")
+        raise MapError(f"map {path}: mode is {brief(repr(mode))}; give one of {', '.join(MODES)}")
     free, occupied = (
         _number(path, key, content[key], 0.0, 1.0) for key in ("free_thresh", "occupied_thresh")
     )
@@ -220,7 +222,7 @@ def _number(path: Path, key: str, value: Any, low: float = -MOST_M, high: float 
 
 def _origin(path: Path, value: Any) -> tuple[float, float, float]:
     if not isinstance(value, list) or len(value) != 3:
-        raise MapError(f"map {path}: origin is {value!r}; give three numbers, [x, y, yaw]")
+        raise MapError(f"map {path}: origin is {brief(repr(value))}; give three numbers, [x, y, yaw]")
     x, y, yaw = (_number(path, "origin", number) for number in value)
     return x, y, yaw
 
@@ -229,7 +231,7 @@ def _negate(path: Path, value: Any) -> bool:
     # yaml-cpp, which map_server uses, sees no difference between 0 and "0", and knows these words.
     word = str(value).lower()
     if word not in NO + YES:
-        raise MapError(f"map {path}: negate is {value!r}; give 0 or 1")
+        raise MapError(f"map {path}: negate is {brief(repr(value))}; give 0 or 1")
     return word in YES
 
 
