@@ -11,6 +11,7 @@ from adrl.deploy.policy import MlpPolicy
 from adrl.deploy.setup import setup_of
 from adrl.errors import MissingExtra
 from adrl.observation import ObservationEncoder
+from adrl.observation.goal import FAR_M
 from adrl.observation.motion import CueSettings, cue_settings
 from adrl.types import LidarConfig
 
@@ -199,7 +200,7 @@ def _goal(graph: Graph, goal: str, scale_m: float) -> str:
     distance = graph.op("Sqrt", graph.op("Add", graph.op("Mul", x, x), graph.op("Mul", y, y)))
     direction = graph.op("Div", goal, graph.op("Max", distance, graph.constant(1e-9)))
     near = graph.op("Div", distance, graph.op("Add", distance, graph.constant(scale_m)))
-    far = graph.op("Min", graph.op("Mul", distance, graph.constant(0.1)), graph.constant(1.0))
+    far = graph.op("Min", graph.op("Mul", distance, graph.constant(1.0 / FAR_M)), graph.constant(1.0))
     return graph.op("Concat", direction, near, far, axis=1)
 
 

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from adrl.observation.config import EncoderConfig
 from adrl.observation.encoder import ObservationEncoder
+from adrl.observation.goal import FAR_M
+from adrl.observation.motion import cue_settings
 from adrl.types import Array, RobotConfig
 
 
@@ -34,8 +36,7 @@ class ObservationDecoder:
     def __init__(self, robot: RobotConfig, config: EncoderConfig | None = None) -> None:
         self.robot = robot
         self._encoder = ObservationEncoder(robot, config)
-        sectors = self._encoder.config.num_sectors
-        self.angles_rad = -math.pi + (np.arange(sectors, dtype=np.float64) + 0.5) * (2.0 * math.pi / sectors)
+        self.angles_rad = self._encoder.scan.angles_rad
         """(S,) middle of each sector, in the robot's frame."""
 
     def decode(self, observation: NDArray[np.floating]) -> Decoded:
@@ -49,13 +50,13 @@ class ObservationDecoder:
         }
         reach = math.log1p(robot.lidar.max_range_m / config.near_m)
         direction, near, far = told["goal"][:, :2], told["goal"][:, 2], told["goal"][:, 3]
-        # Near goals and far ones have a scale each; the far one ends at 10 m.
+        # Near goals and far ones have a scale each.
         distance = np.where(
             far < 1.0,
-            10.0 * far,
+            FAR_M * far,
             config.goal_scale_m * near / np.maximum(1.0 - near, np.finfo(np.float32).eps),
         )
-        cue_m = config.history_steps * robot.control_period_s * robot.max_speed_mps
+        cue_m = cue_settings(robot, config.num_sectors, config.history_steps).scale_m
         return Decoded(
             ranges=config.near_m * np.expm1(told["scan"] * reach) + self._encoder.extent_m,
             goal=direction * distance[:, None],

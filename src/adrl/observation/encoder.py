@@ -30,21 +30,23 @@ COMPONENTS: dict[str, Callable[[RobotConfig, EncoderConfig], Component]] = {
 class ObservationEncoder:
     """(N, K) ranges, goals, twists and last actions -> (N, D) float32, the components side by side.
 
-    D = num_sectors + 8; with motion cues 2 num_sectors + 8, and encode() takes the ScanHistory of the robots.
+    D = num_sectors + 8; with motion cues 2 num_sectors + 8, and encode() takes the ScanHistory of the robots. Extra
+    components come on top.
     """
 
     def __init__(self, robot: RobotConfig, config: EncoderConfig | None = None) -> None:
         """Raises UnknownName and ConfigError for extra components that are none."""
         self.config = config or EncoderConfig()
         self.robot = robot
-        self.scan = Scan(robot, self.config)
-        self.components: dict[str, Component] = {}
+        self.components: dict[str, Component] = {
+            name: make(robot, self.config)
+            for name, make in COMPONENTS.items()
+            if name != "motion" or self.config.history_steps > 0
+        }
         """By name, in order."""
-        for name, make in COMPONENTS.items():
-            if name == "scan":
-                self.components[name] = self.scan
-            elif name != "motion" or self.config.history_steps > 0:
-                self.components[name] = make(robot, self.config)
+        scan = self.components["scan"]
+        assert isinstance(scan, Scan)
+        self.scan = scan
         for extra in self.config.extra_components:
             name, make = _factory(extra)
             if name in self.components:

@@ -6,6 +6,9 @@ from adrl.observation.component import F32, Mirror, Senses, unchanged
 from adrl.observation.config import EncoderConfig
 from adrl.types import RobotConfig
 
+FAR_M = 10.0
+"""Where the scale of far goals ends; the other one never does."""
+
 
 class Goal:
     """4 numbers: the unit vector to the goal, and its distance twice. One tells near goals apart, one far ones."""
@@ -25,7 +28,7 @@ class Goal:
         out[:, 1] = goal[:, 1] / safe
         # Both scales end at 1.
         out[:, 2] = distance / (distance + self._scale_m)
-        out[:, 3] = np.minimum(0.1 * distance, 1.0)
+        out[:, 3] = np.minimum(distance * (1.0 / FAR_M), 1.0)
 
     def mirror(self) -> Mirror | None:
         """y turns round."""

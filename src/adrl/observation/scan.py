@@ -23,6 +23,8 @@ class Scan:
         angles = robot.lidar.angles_rad + robot.lidar.mount_yaw_rad
         width = 2.0 * math.pi / self.size
         centres = -math.pi + (np.arange(self.size, dtype=np.float64) + 0.5) * width
+        self.angles_rad: Array = centres
+        """(S,) middle of each sector, in the robot's frame."""
         # A beam on the border of two sectors is in both: a mirrored scan gives mirrored sectors.
         away = np.abs(np.remainder(angles - centres[:, None] + math.pi, 2.0 * math.pi) - math.pi)  # (S, K)
         sector, self._order = np.nonzero(away <= 0.5 * width + 1e-9)
