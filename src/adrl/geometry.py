@@ -24,6 +24,12 @@ def inverse(a: Sequence[float]) -> Pose:
     return -c * a[0] - s * a[1], s * a[0] - c * a[1], -a[2]
 
 
+def part_way(a: Sequence[float], b: Sequence[float], share: float) -> Pose:
+    """The pose at this share of the way from a to b, turning the shorter way round."""
+    turn = math.remainder(b[2] - a[2], 2.0 * math.pi)
+    return a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * turn
+
+
 def quaternion_of(yaw: float) -> tuple[float, float, float, float]:
     """x, y, z, w."""
     return 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw)

@@ -13,8 +13,9 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
-from adrl.deploy import Command, Navigator, Odometry, Pose, Reason, Scan
 from adrl.deploy.localisation import Localisation
+from adrl.deploy.messages import Command, Odometry, Pose, Reason, Scan
+from adrl.deploy.navigator import Navigator
 from adrl.deploy.watch import has_jumped, is_plausible
 from adrl.errors import BadGoal, ConfigError, GoalRefused, NotLocalised, UnknownFrame
 

@@ -4,8 +4,8 @@ import math
 from bisect import bisect_left
 from collections import deque
 
-from adrl.deploy import Odometry, Pose
-from adrl.geometry import compose, inverse
+from adrl.deploy.messages import Odometry, Pose
+from adrl.geometry import compose, inverse, part_way
 
 KEPT = 200
 """Odometry messages that are remembered: poses on the map are older than odometry."""
@@ -75,11 +75,9 @@ class Localisation:
     def _pose_at(self, stamp_s: float) -> Pose:
         """By odometry; beyond what is remembered, the nearest."""
         known = self._history
-        later = bisect_left([message.stamp_s for message in known], stamp_s)
+        later = bisect_left(known, stamp_s, key=lambda message: message.stamp_s)
         if later == 0 or later == len(known):
             return known[min(later, len(known) - 1)].pose
         before, after = known[later - 1], known[later]
         share = (stamp_s - before.stamp_s) / (after.stamp_s - before.stamp_s)
-        turn = math.remainder(after.pose[2] - before.pose[2], 2.0 * math.pi)
-        x, y = (a + share * (b - a) for a, b in zip(before.pose[:2], after.pose[:2], strict=True))
-        return x, y, before.pose[2] + share * turn
+        return part_way(before.pose, after.pose, share)

@@ -10,6 +10,7 @@ import numpy as np
 from adrl import _core
 from adrl.deploy.messages import Odometry, Pose, Twist
 from adrl.deploy.response import LATEST_PERIODS, Response
+from adrl.geometry import part_way
 from adrl.types import Array, RobotConfig
 
 STANDSTILL: Twist = (0.0, 0.0)
@@ -107,9 +108,7 @@ class Reckoning:
             return x, y, yaw
         before, after = known[later - 1], known[later]
         share = (time_s - before.stamp_s) / (after.stamp_s - before.stamp_s)
-        turn = math.remainder(after.pose[2] - before.pose[2], 2.0 * math.pi)
-        x, y = (a + share * (b - a) for a, b in zip(before.pose[:2], after.pose[:2], strict=True))
-        return x, y, before.pose[2] + share * turn
+        return part_way(before.pose, after.pose, share)
 
     def is_frozen(self) -> bool:
         """Whether odometry stands still while it says itself that the robot moves, or the base was told to for long."""
