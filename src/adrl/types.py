@@ -193,6 +193,11 @@ class RobotConfig(_HasNative):
         )
 
     @property
+    def fastest_mps(self) -> float:
+        """Greatest speed, forward or backward."""
+        return max(self.max_speed_mps, -self.min_speed_mps)
+
+    @property
     def circumscribed_radius_m(self) -> float:
         """Radius of the smallest disc about the robot's origin that holds the footprint."""
         return (

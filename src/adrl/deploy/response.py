@@ -46,5 +46,6 @@ class Response:
 
     def _shares(self, twists: Array) -> Array:
         """(A,) of (A, 2), as a share of the robot's greatest speeds."""
-        fastest = max(self._robot.max_speed_mps, -self._robot.min_speed_mps)
-        return np.abs(twists) @ np.array([1.0 / fastest, 1.0 / self._robot.max_yaw_rate_radps])
+        return np.abs(twists) @ np.array(
+            [1.0 / self._robot.fastest_mps, 1.0 / self._robot.max_yaw_rate_radps]
+        )

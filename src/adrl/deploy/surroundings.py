@@ -172,7 +172,7 @@ class Surroundings:
 
 def _stopping_m(robot: RobotConfig) -> float:
     """More than the way that a robot at full speed needs to come to rest."""
-    speed = max(robot.max_speed_mps, -robot.min_speed_mps)
+    speed = robot.fastest_mps
     reaction_s = robot.latency_s + robot.lag_s + 2.0 * robot.control_period_s
     return speed * reaction_s + 0.5 * speed**2 / robot.max_acceleration_mps2
 

@@ -149,7 +149,7 @@ class SensorWatch:
         if not twists:
             return odometry.twist
         v, w = 1.5 * twists[0] - 0.5 * twists[-1] if len(twists) == 2 else twists[0]
-        fastest, turn = _fastest_mps(self.robot), self.robot.max_yaw_rate_radps
+        fastest, turn = self.robot.fastest_mps, self.robot.max_yaw_rate_radps
         return float(np.clip(v, -fastest, fastest)), float(np.clip(w, -turn, turn))
 
     def _take_scan(self, scan: Scan) -> list[Reason]:
@@ -210,7 +210,7 @@ def widest_hole_rad(scan: Scan, told: NDArray[np.bool_]) -> float:
 def is_plausible(robot: RobotConfig, odometry: Odometry) -> bool:
     """Whether it can be a robot's at all: finite, and no faster than it can be."""
     v, w = odometry.twist
-    slow = abs(v) <= IMPLAUSIBLE * _fastest_mps(robot) and abs(w) <= IMPLAUSIBLE * robot.max_yaw_rate_radps
+    slow = abs(v) <= IMPLAUSIBLE * robot.fastest_mps and abs(w) <= IMPLAUSIBLE * robot.max_yaw_rate_radps
     return slow and bool(np.isfinite([*odometry.pose, odometry.stamp_s]).all())
 
 
@@ -219,13 +219,9 @@ def has_jumped(robot: RobotConfig, last: Odometry, new: Odometry) -> bool:
     passed_s = new.stamp_s - last.stamp_s
     moved_m, turned_rad = moved(last.pose, new.pose)
     return (
-        moved_m > IMPLAUSIBLE * _fastest_mps(robot) * passed_s + SLIP_M
+        moved_m > IMPLAUSIBLE * robot.fastest_mps * passed_s + SLIP_M
         or turned_rad > IMPLAUSIBLE * robot.max_yaw_rate_radps * passed_s + SLIP_RAD
     )
-
-
-def _fastest_mps(robot: RobotConfig) -> float:
-    return max(robot.max_speed_mps, -robot.min_speed_mps)
 
 
 def _way(before: Pose, after: Pose) -> Twist:

@@ -228,7 +228,7 @@ def _reach_m(robot: RobotConfig) -> float:
     # Noise in the range, and what stands between two beams.
     slack = 5.0 * lidar.noise_std_m + 0.05
     mount = math.hypot(lidar.mount_x_m, lidar.mount_y_m)
-    driven = max(robot.max_speed_mps, -robot.min_speed_mps) * robot.control_period_s
+    driven = robot.fastest_mps * robot.control_period_s
     return robot.circumscribed_radius_m + mount + driven + slack
 
 
