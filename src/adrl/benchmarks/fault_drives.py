@@ -4,7 +4,7 @@ import dataclasses
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 from zlib import crc32
 
 import numpy as np
@@ -21,7 +21,7 @@ from adrl.types import RobotConfig, Task, World
 from adrl.worlds import get_scenario, load_robot, task_set
 
 Outcome = Literal["arrived", "hit_standing", "hit_moving", "timeout"]
-OUTCOMES: tuple[Outcome, ...] = ("arrived", "hit_standing", "hit_moving", "timeout")
+OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 SCENARIOS = ("clutter", "complex", "rooms", "dynamic")
 ROBOT_NAMES = ("diffbot", "turtlebot3_burger", "jackal")
 WATCHDOG = 2
@@ -215,13 +215,8 @@ def _params(robot: RobotConfig, fault: Fault) -> np.ndarray:
 
 def _moving_near(sim: NavSim, i: int, world: World) -> bool:
     """Whether a moving disc touches robot i."""
-    if len(world.discs) == 0:
-        return False
-    discs = dataclasses.replace(
-        world, circles=np.empty((0, 3)), polygons=(), segments=np.empty((0, 4)), grid=None
-    )
-    x, y, _ = sim.b["pose"][i]
-    away = np.hypot(*(discs.coordinates(float(sim.b["time"][i])) - (x, y)).T) - world.discs[:, 4]
+    offsets = world.disc_centres(float(sim.b["time"][i])) - sim.b["pose"][i, :2]
+    away = np.hypot(*offsets.T) - world.discs[:, 4]
     return bool((away < sim.robot.circumscribed_radius_m + TOUCH_M).any())
 
 

@@ -91,8 +91,7 @@ def save_minari(demonstrations: Demonstrations, path: PathLike, source: Source) 
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = target.with_name(f".{target.name[:200]}.{uuid4().hex}.tmp")
     try:
-        # Minari joins a relative path to itself.
-        _write(demonstrations, temporary.absolute(), target.name, source)
+        _write(demonstrations, temporary, target.name, source)
         for written in (*temporary.rglob("*"), temporary):
             sync(written)
         os.replace(temporary, target)
