@@ -208,7 +208,7 @@ class Frozen:
         ({"odometry": lambda: nothing}, 3),
         ({"scan": lambda: nan}, 2),
         ({"odometry": lambda: nowhere}, 2),
-        ({"scan": Frozen}, 3),
+        ({"scan": Frozen}, 4),  # the first is true
         ({"odometry": Frozen}, 3),
     ],
     ids=["no scan", "no odometry", "NaN scan", "NaN odometry", "frozen scan", "frozen odometry"],
@@ -219,7 +219,7 @@ def test_told_to_stand_within_two_periods_of_the_first_missing(channel: dict, pe
     loop.run(15)
     assert loop.speeds[-1] > 0.3
     begin = len(loop.told)
-    loop.run(9, **{sensor: make() for sensor, make in channel.items()})
+    loop.run(10, **{sensor: make() for sensor, make in channel.items()})
     assert not any(any(twist) for twist in loop.told[begin + periods - 1 :])
     assert max(loop.speeds[begin + periods + BRAKING_PERIODS - 1 :]) < 0.01
     assert loop.reports[-1].command.status == "stopped"
