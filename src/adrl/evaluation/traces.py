@@ -26,6 +26,8 @@ SCHEMA_VERSION = 1
 TRACES_FILE = "traces.safetensors"
 FAILURES, ARRIVALS = 24, 8
 """Episodes of each kind that are kept, the first of the split."""
+LEAST_SIDE_M = 0.01
+"""Of a world in a file."""
 ROUTE_SPACING_S = 0.5
 """Time between the points of the routes, which are kept of all episodes."""
 
@@ -252,8 +254,11 @@ def write_traces(path: str | os.PathLike[str], traces: Traces) -> None:
     files.atomic_write_bytes(path, pack_safetensors(packed, metadata))
 
 
+Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
+
+
 class _WorldAbout(TypedDict):
-    bounds: tuple[float, float, float, float]
+    bounds: tuple[Coordinate, Coordinate, Coordinate, Coordinate]
     resolution_m: NotRequired[float]
     origin: NotRequired[tuple[float, float, float]]
 
@@ -372,6 +377,9 @@ def _world(about: _WorldAbout, arrays: dict[str, NDArray[Any]]) -> World:
         grid = OccupancyGrid(
             solid=arrays["solid"], resolution_m=about["resolution_m"], origin=about["origin"]
         )
+    x_min, y_min, x_max, y_max = about["bounds"]
+    if min(x_max - x_min, y_max - y_min) < LEAST_SIDE_M:
+        raise ValueError(f"a world's bounds are {about['bounds']}")
     ends = np.cumsum(arrays["sizes"])
     return World(
         bounds=about["bounds"],

@@ -69,7 +69,9 @@ def world_picture(world: World) -> str:
     """The world's bounds as a transparent PNG, as a data URI."""
     x_min, y_min, x_max, y_max = world.bounds
     scale = PICTURE_PX / max(x_max - x_min, y_max - y_min) / 100.0
-    figure = Figure(figsize=((x_max - x_min) * scale, (y_max - y_min) * scale), dpi=100)
+    # At least a pixel wide and high.
+    size = (max((x_max - x_min) * scale, 0.01), max((y_max - y_min) * scale, 0.01))
+    figure = Figure(figsize=size, dpi=100)
     FigureCanvasAgg(figure)
     figure.patch.set_alpha(0.0)
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
