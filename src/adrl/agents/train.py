@@ -99,13 +99,20 @@ def train(
 Count = Annotated[int, Meta(ge=0)]
 
 
+class _Tally(TypedDict, total=False):
+    finished: Count
+    succeeded: Count
+    return_sum: float
+    total: Count
+
+
 class _State(TypedDict):
     """A checkpoint's state.json, as _save writes it."""
 
     config: dict[str, Any]
     rng: dict[str, Any]
     learner: dict[str, Any]
-    tally: dict[str, Any]
+    tally: _Tally
     env_steps: Count
     logged_at: Count
     validated_at: NotRequired[Count]
