@@ -22,6 +22,10 @@ with locked(sys.argv[1]):
 """
 
 
+def refuse(*_: object, **__: object) -> None:
+    raise PermissionError
+
+
 class TestPlaces:
     def test_nothing_is_made_by_looking(self, tmp_path: Path) -> None:
         require_folder("--out", tmp_path / "a" / "b")
@@ -50,13 +54,16 @@ class TestPlaces:
                 require_folder("--out", bad)
         # Who runs the tests as root may write everywhere.
         monkeypatch.setattr(outputs.os, "access", lambda *_: False)
+        monkeypatch.setattr(outputs.tempfile, "TemporaryFile", refuse)
         for check, bad in ((require_folder, tmp_path / "new"), (require_file, tmp_path / "file")):
             with pytest.raises(ConfigError, match="cannot be written to"):
                 check("--out", bad)
 
-    def test_a_read_only_place_is_refused(self) -> None:
+    @pytest.mark.parametrize("place", ["/proc/version/x", "/proc/new", "/proc/new/er", "/sys/new"])
+    def test_a_read_only_place_is_refused(self, place: str) -> None:
+        """Permissions allow it to root, the file system to nobody."""
         with pytest.raises(ConfigError, match="give another place"):
-            require_folder("--out", "/proc/version/x")
+            require_folder("--out", place)
 
 
 class TestLock:

@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -22,7 +23,7 @@ def as_paths(config: object, *names: str) -> None:
 
 
 def require_folder(option: str, path: PathLike | None, *marks: str) -> None:
-    """Files can be written to a folder at path, which may not exist yet. Nothing is made.
+    """Files can be written to a folder at path, which may not exist yet. Nothing stays of the attempt.
 
     marks: names of files, one of which stands in a folder of this kind; one that holds anything else is not written
     to. Raises ConfigError.
@@ -33,8 +34,10 @@ def require_folder(option: str, path: PathLike | None, *marks: str) -> None:
     existing = _nearest(folder)
     if not existing.is_dir():
         raise ConfigError(f"{option} {path}: {existing} is no folder; give another place")
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise ConfigError(f"{option} {path}: {existing} cannot be written to; give another place")
+    try:
+        tempfile.TemporaryFile(dir=existing).close()  # permissions alone promise too much: root has them in /proc
+    except OSError:
+        raise ConfigError(f"{option} {path}: {existing} cannot be written to; give another place") from None
     if marks and existing == folder and _holds_something_else(folder, marks):
         raise ConfigError(f"{option} {path} holds files of something else; give another folder")
 
