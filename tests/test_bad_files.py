@@ -83,9 +83,14 @@ class TestPlaces:
 
     def test_map_in_which_the_robot_has_no_room(self, adrl: Adrl) -> None:
         pixels = np.full((40, 40), WALL)
-        pixels[20, 20] = FREE
+        pixels[:, 18:24] = FREE  # 0.3 m
         write_map(adrl.folder, pixels)
         self.refused(adrl, "map:map", "diffbot", "smaller robot")
+
+    def test_map_in_which_no_robot_has_room(self, adrl: Adrl) -> None:
+        """Walls read as free, free space as walls: a smaller robot would not help."""
+        write_map(adrl.folder, hall(), negate=1)
+        self.refused(adrl, "map:map", "no place has more than", "negate")
 
     def test_malformed_world(self, adrl: Adrl) -> None:
         (adrl.folder / "bad.world").write_text("<sdf><world><model>")

@@ -35,7 +35,9 @@ def require_folder(option: str, path: PathLike | None, *marks: str) -> None:
     if not existing.is_dir():
         raise ConfigError(f"{option} {path}: {existing} is no folder; give another place")
     try:
-        tempfile.TemporaryFile(dir=existing).close()  # permissions alone promise too much: root has them in /proc
+        tempfile.TemporaryFile(
+            dir=existing
+        ).close()  # permissions alone promise too much: root has them in /proc
     except OSError:
         raise ConfigError(f"{option} {path}: {existing} cannot be written to; give another place") from None
     if marks and existing == folder and _holds_something_else(folder, marks):

@@ -14,10 +14,15 @@ LOG = logging.getLogger("adrl.worlds")
 
 PATH_M = (5.0, 30.0)
 """Least and greatest length of the shortest path, where the world allows."""
+TINY_M = 0.1
+"""Clearance below which a smaller robot is no advice."""
 
 
 class FixedWorld:
     """Tasks in one world, which all of them share."""
+
+    if_tiny = "take another world"
+    """What to do where no robot fits."""
 
     def __init__(self, name: str, world: World, *, open_bounds: bool = False) -> None:
         """open_bounds: the bounds reach beyond what stands in the world; tasks lie inside of that, see inside()."""
@@ -53,6 +58,11 @@ class FixedWorld:
         # A path is never shorter than the straight way, so half the widest extent is a length that exists.
         shortest = min(PATH_M[0], 0.5 * widest)
         if shortest < 2.0 * GOAL_TOLERANCE_M:
+            most_m = float(space.grid.clearance_m[space.grid.task_cells].max(initial=0.0))
+            if most_m < TINY_M:
+                raise TaskError(
+                    f"{self.name}: no place has more than {most_m:.2f} m of clearance; {self.if_tiny}"
+                )
             raise TaskError(
                 f"{self.name}: the widest region for tasks with the {space.inflation_m:.2f} m of clearance that robot "
                 f"{robot.name!r} needs spans {widest:.2f} m; take a smaller robot or another world"
