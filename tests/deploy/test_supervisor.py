@@ -353,6 +353,20 @@ def test_a_twist_that_is_right_contradicts_nothing():
         pose = _core.integrate(pose, np.array([[1.05 * v, 0.95 * w]]), 0.1)
 
 
+@pytest.mark.parametrize("lost", [0.1, 0.3, 0.5])
+def test_a_message_that_is_lost_contradicts_nothing(lost: float):
+    """A policy turns to and fro, from one period to the next: of two messages around a lost one both say the same."""
+    rng, supervisor = np.random.default_rng(3), Supervisor(DIFFBOT)
+    pose = np.zeros((1, 3))
+    for k in range(600):
+        twist, following = ((0.4, 0.6 if step % 2 else -0.6) for step in (k, k + 1))
+        if rng.random() >= lost:
+            odometry = Odometry(pose=tuple(pose[0].tolist()), twist=twist, stamp_s=0.1 * k)
+            supervisor.watch(None, odometry, 0.1 * k)
+        assert "odometry_contradicts" not in supervisor.cautions
+        pose = _core.integrate(pose, np.array([np.mean([twist, following], axis=0)]), 0.1)
+
+
 def test_a_base_that_another_drove_is_taken_over_as_if_it_had_been_ours():
     """What it is about to do follows from how it moves, not from who told it to."""
 

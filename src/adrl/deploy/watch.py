@@ -1,6 +1,7 @@
 """Whether a robot's scan and odometry can be driven by: new enough, whole, and alive."""
 
 import dataclasses
+import itertools
 import math
 from collections import deque
 
@@ -24,6 +25,8 @@ SLIP_M, SLIP_RAD = 0.1, 0.2
 """Odometry may jump by so much beyond what the robot can drive."""
 COMPARED_S = 1.0
 """Time constant over which the odometry's twist is compared with its poses."""
+LOST, INTERVALS = 1.5, 5
+"""Odometry that comes so many times later than the shortest of the last intervals has lost a message."""
 OFF_M, OFF_RAD, OFF_SHARE = 0.05, 0.06, 0.3
 """The way that the twist says may differ by so much, and this share of it, from the way between the poses."""
 
@@ -121,10 +124,12 @@ class SensorWatch:
         if odometry.pose == last.pose:  # at rest, or frozen, which is another fault
             return odometry
         passed_s = odometry.stamp_s - last.stamp_s
-        done = np.array(_way(last.pose, odometry.pose))
         fades = math.exp(-passed_s / COMPARED_S)
-        self._off = fades * self._off + 0.5 * passed_s * np.add(said, odometry.twist) - done
-        self._done = fades * self._done + np.abs(done)
+        self._off, self._done = fades * self._off, fades * self._done
+        if passed_s < LOST * self._usual_s():  # else nobody has said how fast it was between the two
+            done = np.array(_way(last.pose, odometry.pose))
+            self._off += 0.5 * passed_s * np.add(said, odometry.twist) - done
+            self._done += np.abs(done)
         bounds = np.array([OFF_M, OFF_RAD]) + OFF_SHARE * self._done
         self.twist_contradicts = bool(
             (np.abs(self._off) > (0.5 if self.twist_contradicts else 1.0) * bounds).any()
@@ -134,6 +139,11 @@ class SensorWatch:
             if self.twist_contradicts
             else odometry
         )
+
+    def _usual_s(self) -> float:
+        """Time between two odometry messages when none is lost, as the last ones tell."""
+        stamps = [message.stamp_s for message in itertools.islice(reversed(self.odometry), 1 + INTERVALS)]
+        return min((later - earlier for later, earlier in itertools.pairwise(stamps)), default=math.inf)
 
     def _driven(self, odometry: Odometry) -> Twist:
         """Its twist by the poses of the last two control periods: the last one's mean, carried on by half of it."""
