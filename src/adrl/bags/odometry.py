@@ -1,5 +1,6 @@
 """What a base was told and what it did, as a bag has it: commands and odometry, checked."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,8 @@ from adrl.errors import DatasetError
 from adrl.geometry import yaw_of
 from adrl.types import Array
 
+SILENCE_PERIODS = 3.0
+"""Control periods of silence on a topic that end a drive, and what comes after begins another."""
 SAME_CLOCK_S = 1.0
 """Stamps farther apart are of two clocks."""
 WINDOW_S = 3.0
@@ -122,6 +125,12 @@ def one_frame(path: Path, topic: str, field: str, frames: Iterable[str]) -> str:
             "record each on a topic of its own, and give the one that is meant"
         )
     return found[0]
+
+
+def phase_s(times_s: Array, period_s: float) -> float:
+    """When in a control period messages come."""
+    turns = np.exp(2j * math.pi * times_s / period_s).mean()
+    return float(np.angle(turns)) / (2.0 * math.pi) * period_s
 
 
 def driven_twists(odometry: OdometryTable, times_s: Array, span_s: float) -> Array:

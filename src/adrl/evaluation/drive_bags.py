@@ -8,14 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from adrl.bags import Bag, open_bag
-from adrl.bags.odometry import contradiction, read_odometry, read_twists
+from adrl.bags.odometry import SILENCE_PERIODS, contradiction, phase_s, read_odometry, read_twists
 from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, TWISTS
 from adrl.errors import DatasetError
 from adrl.evaluation.drives import Drives
 from adrl.types import Array
-
-SILENCE_PERIODS = 3.0
-"""Odometry or commands that are silent for longer end a drive, and what comes after begins another."""
 
 
 def read_bag(
@@ -64,8 +61,7 @@ def _resample(
     path: Path, commands: Array, odometry: Array, period_s: float, notes: tuple[str, ...]
 ) -> Drives:
     """Control periods in which there are odometry and commands."""
-    turns = np.exp(2j * math.pi * commands[:, 0] / period_s).mean()
-    phase = float(np.angle(turns)) / (2.0 * math.pi) * period_s  # when in a period commands come
+    phase = phase_s(commands[:, 0], period_s)
     parts = []
     pairs = _side_by_side(_stretches(odometry, period_s), _stretches(commands, period_s))
     for number, (stretch, orders) in enumerate(pairs):

@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.bags import open_bag
-from adrl.bags.odometry import OdometryTable, contradiction, driven_twists, read_odometry, read_twists
+from adrl.bags.odometry import (
+    SILENCE_PERIODS,
+    OdometryTable,
+    contradiction,
+    driven_twists,
+    phase_s,
+    read_odometry,
+    read_twists,
+)
 from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, POSE_TOPIC, SCAN_TOPIC
 from adrl.bags.transforms import Transforms
 from adrl.deploy.lidar import LidarAdapter
@@ -19,8 +27,6 @@ from adrl.types import Array, RobotConfig
 
 F32 = NDArray[np.float32]
 
-SILENCE_PERIODS = 3.0
-"""Scans or odometry that are silent for longer end an episode."""
 GRACE_PERIODS = 0.25
 """What comes so much later than a period begins still belongs to its beginning; of commands twice as much."""
 AT_ONCE_S = 1e-6
@@ -124,7 +130,7 @@ def _on_periods(
     """What there was when the periods (M,) of these numbers began."""
     period_s = robot.control_period_s
     grace_s, silence_s = GRACE_PERIODS * period_s, SILENCE_PERIODS * period_s
-    instants = _phase(lidar.times_s, period_s) + number * period_s
+    instants = phase_s(lidar.times_s, period_s) + number * period_s
     newest = np.searchsorted(lidar.times_s, instants + grace_s, side="right") - 1
     adapter = LidarAdapter(robot.lidar, lidar.mount)
     used, which = np.unique(newest, return_inverse=True)
@@ -164,18 +170,12 @@ def _contradiction(path: Path, topic: str, odometry: OdometryTable) -> str | Non
         raise DatasetError(f"{path}: {topic}: {error}") from None
 
 
-def _phase(times_s: Array, period_s: float) -> float:
-    """When in a control period scans come, s."""
-    turns = np.exp(2j * math.pi * times_s / period_s).mean()
-    return float(np.angle(turns)) / (2.0 * math.pi) * period_s
-
-
 def _instants(scan_times: Array, odometry_times: Array, period_s: float) -> Array:
     """(M,) numbers of the control periods that begin while there are scans and odometry, none in their silences.
 
     So many as there are scans, not as there is time: a bag may hold stamps of two centuries.
     """
-    phase, grace_s = _phase(scan_times, period_s), GRACE_PERIODS * period_s
+    phase, grace_s = phase_s(scan_times, period_s), GRACE_PERIODS * period_s
     low = max(scan_times[0], odometry_times[0]) - grace_s
     high = min(scan_times[-1], odometry_times[-1]) + grace_s
     ends = np.minimum(scan_times[1:], scan_times[:-1] + SILENCE_PERIODS * period_s)
