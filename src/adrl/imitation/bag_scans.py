@@ -11,6 +11,7 @@ from adrl.bags.odometry import OdometryTable, one_frame
 from adrl.bags.reader import SCANS
 from adrl.bags.transforms import Chain, Transforms, frame_name
 from adrl.deploy.messages import Odometry, Scan
+from adrl.deploy.scan_reader import ScanReader
 from adrl.deploy.supervisor import SupervisorConfig
 from adrl.deploy.watch import SensorWatch
 from adrl.errors import DatasetError
@@ -64,6 +65,7 @@ def read_scans(
                 ranges=message.ranges,
                 angle_min_rad=message.angle_min,
                 angle_increment_rad=message.angle_increment,
+                angle_max_rad=message.angle_max,
                 range_min_m=message.range_min,
                 range_max_m=message.range_max,
                 stamp_s=seconds,
@@ -72,6 +74,7 @@ def read_scans(
     frame = one_frame(bag.path, topic, "header.frame_id", frames)
     scans.sort(key=lambda scan: scan.stamp_s)
     scans, free_note = _with_free_beams(topic, scans, zero_is_free=zero_is_free, nan_is_free=nan_is_free)
+    scans = list(map(ScanReader(), scans))
     good, fault_note = _good(bag, topic, scans, odometry, robot)
     mount, upside_down, mount_note = _mount(bag, topic, transforms, frame, odometry, robot)
     if upside_down:  # it turns the other way round
