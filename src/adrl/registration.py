@@ -9,13 +9,13 @@ from typing import Any
 ENV_ID = "adrl/Nav-v0"
 ENVS = {
     # Text, not classes: what they name is imported by the first make().
-    ENV_ID: ("adrl.envs:NavEnv", "adrl.envs:NavVectorEnv"),
+    ENV_ID: ("adrl.envs:NavEnv", "adrl.envs:make_nav_vec"),
     "adrl/Gazebo-v0": (
         "adrl.integrations.gazebo.env:GazeboEnv",
-        "adrl.integrations.gazebo.env:GazeboVectorEnv",
+        "adrl.integrations.gazebo.env:make_gazebo_vec",
     ),
 }
-"""Each environment's class, and that of many side by side."""
+"""Each environment's class, and what makes many side by side."""
 MAX_EPISODE_STEPS = 100_000
 """More than any task gives: each has a time limit of its own. Others' software wants a number here."""
 

@@ -4,7 +4,7 @@ from adrl.envs.nav_env import NavEnv
 from adrl.envs.nav_sim import Body, NavSim, Outcome
 from adrl.envs.randomization import MILD, NOMINAL, Randomization
 from adrl.envs.setting import Setting
-from adrl.envs.vector_env import NavVectorEnv
+from adrl.envs.vector_env import NavVectorEnv, make_nav_vec
 
 __all__ = [
     "MILD",
@@ -16,4 +16,5 @@ __all__ = [
     "Outcome",
     "Randomization",
     "Setting",
+    "make_nav_vec",
 ]

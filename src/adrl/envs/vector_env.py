@@ -295,6 +295,13 @@ RESULTS = ("reward_terms", "features", "success", "is_success", "collision")
 """What info says of a step, and of a reset, so that recorders such as minari.DataCollector find the same entries."""
 
 
+def make_nav_vec(
+    num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **options: Any
+) -> NavVectorEnv:
+    """What gymnasium.make_vec makes: NavVectorEnv in NextStep by default, as Gymnasium's own are."""
+    return NavVectorEnv(num_envs, autoreset_mode=autoreset_mode, **options)
+
+
 def _results(outcome: Outcome) -> dict[str, NDArray[Any]]:
     arrays = (
         outcome.reward_terms,

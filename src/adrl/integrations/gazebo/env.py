@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from gymnasium.vector import AutoresetMode
+
 from adrl.envs import NavEnv, NavVectorEnv
 from adrl.integrations.gazebo.simulator import Gazebo
 from adrl.types import RobotConfig, Scenario
@@ -74,6 +76,13 @@ class GazeboEnv(NavEnv):
         """End Gazebo."""
         super().close()
         self._gazebo.close()
+
+
+def make_gazebo_vec(
+    num_envs: int = 1, *, autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **options: Any
+) -> GazeboVectorEnv:
+    """What gymnasium.make_vec makes, as make_nav_vec does."""
+    return GazeboVectorEnv(num_envs, autoreset_mode=autoreset_mode, **options)
 
 
 def _place(world: str | Path | Scenario) -> Scenario:
