@@ -138,7 +138,7 @@ def test_what_is_no_action_is_told_with_the_policys_name(actions: object) -> Non
 
 
 def test_what_cannot_act_is_no_policy() -> None:
-    with pytest.raises(ConfigError, match="policy 7 is no run folder"):
+    with pytest.raises(ConfigError, match="policy 7 has no act"):
         adrl.evaluate(7)  # pyright: ignore[reportArgumentType]
 
 

@@ -18,6 +18,7 @@ import pytest
 from adrl import registry
 from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
+from adrl.baselines.planners import PLANNERS
 from adrl.cli import COMMANDS, main
 from adrl.commands.barn import BarnOptions
 from adrl.commands.bench import ActOptions, GazeboOptions, LearnOptions, PlanOptions, Ros2Options, SimOptions
@@ -35,11 +36,13 @@ from adrl.commands.reproduce import ReproduceOptions
 from adrl.commands.run_options import parse_run
 from adrl.commands.train import COMMON as TRAIN_COMMON
 from adrl.comparison.config import CompareConfig
+from adrl.deploy.policy import SHIPPED
 from adrl.evaluation.results import read_episodes
 from adrl.evaluation.rollout import Rollout, rollout
 from adrl.integrations.ros.config import DriveConfig, SimConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.runs import RunConfig
+from adrl.simulators import SIMULATORS
 from adrl.types import GUIDANCE
 from adrl.worlds import ROBOTS, SCENARIOS
 from small_run import TRAIN, finished_run, run_cli
@@ -186,7 +189,9 @@ class TestHelp:
     def test_list_names_every_registry_entry(self, capsys: pytest.CaptureFixture[str]) -> None:
         assert main(["list"]) == 0
         named = {line.split()[0] for line in capsys.readouterr().out.splitlines() if line.startswith("  ")}
-        assert named == {*ROBOTS, *SCENARIOS, *METHODS, *SB3_METHODS, *GUIDANCE, "astar-dwa", "default"}
+        assert named == {
+            *(*ROBOTS, *SCENARIOS, *METHODS, *SB3_METHODS, *GUIDANCE, *SIMULATORS, *PLANNERS, *SHIPPED)
+        }
 
     def test_list_names_what_installed_packages_offer(
         self, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

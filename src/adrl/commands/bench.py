@@ -257,7 +257,7 @@ WHAT: dict[str, tuple[str, Runner]] = {
         _act,
     ),
     "faults": (
-        "drives with 70 kinds of faults of scans, odometry, commands and clocks, and how they end",
+        "drives with faults of scans, odometry, commands and clocks, and how they end",
         _faults,
     ),
     "learn": (
