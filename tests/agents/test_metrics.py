@@ -100,15 +100,6 @@ def test_the_environment_is_told_s_before_each_step(tmp_path: Path, monkeypatch:
     assert told[0] == 0.0 < told[-1] == result.policy.config.maturity
 
 
-def test_a_budget_of_time_ends_a_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    td3 = resume_run.config(1).td3
-    timed = TrainConfig(max_seconds=0.5, td3=td3, pretrain_updates=0, replay_capacity=1000)
-    monkeypatch.setattr(resume_run, "config", lambda steps: timed)
-    result = resume_run.run(tmp_path, 0)
-    assert result.train_seconds >= 0.5
-    assert (tmp_path / "policy.safetensors").exists()
-
-
 class Clock:
     """Time that passes only in steps of the environment, a second each; stands for the module time."""
 

@@ -95,5 +95,5 @@ def test_without_ray_it_says_what_to_install(
         require_ray()
     options = ("--methods", "td3", *SIZES, "--ray", "127.0.0.1:1", "--out", tmp_path / "out")
     assert run_cli("compare", *options) == 2
-    assert ".[ray]" in capsys.readouterr().err
+    assert "adrl[ray]" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()

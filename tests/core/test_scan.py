@@ -37,7 +37,8 @@ def general(world: World, pose: Pose, lidar: LidarConfig, time_s: float = 0.0) -
 
 def assert_equal_bytes(one: Array, other: Array) -> None:
     assert one.dtype == other.dtype == np.float32
-    assert_array_equal(one.view(np.uint32), other.view(np.uint32))
+    # A sensor on a wall may read 0 or -0.
+    assert_array_equal((one + 0.0).view(np.uint32), (other + 0.0).view(np.uint32))
 
 
 @settings(max_examples=100)
@@ -164,7 +165,7 @@ def test_noise_never_leaves_the_sensors_range():
     """Nothing there reads the greatest range exactly; a wall just before it is cut off."""
     far = replace(EMPTY, segments=np.array([[5.99, -9.0, 5.99, 9.0], [-0.01, -9.0, -0.01, 9.0]]))
     lidar = LidarConfig(num_beams=4, max_range_m=RANGE_M)
-    robot = a_robot(lidar=lidar, radius_m=0.001)
+    robot = a_robot(lidar=lidar, radius_m=0.01)
     fleet = Fleet([a_task(far)] * 200, robot, range_noise=0.05).reset()
     behind, right, ahead, left = fleet.b["ranges"].T
     assert behind.min() == 0.0
