@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 import resume_run
-from adrl.agents.budget import BudgetSpent, spent_fraction
+from adrl.agents.budget import BudgetSpent, require_updates, spent_fraction
 from adrl.agents.config import TrainConfig
 from adrl.agents.interface import Progress, Validation
 from adrl.agents.metrics import EpisodeTally, MetricsLog, crossed, reward_row
@@ -157,6 +157,14 @@ def test_no_policy_without_updates(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     enough = replace(nothing, steps=120)
     monkeypatch.setattr(resume_run, "config", lambda steps: enough)
     assert resume_run.run(tmp_path, 0, resume=True).updates > 0
+
+
+def test_updates_on_demonstrations_alone_make_no_policy():
+    """Time that ends in pretraining leaves a policy that has made no step."""
+    timed = TrainConfig(max_seconds=3.0, steps=None)
+    with pytest.raises(ConfigError, match=r"set-up took 2\.5 s.*first step"):
+        require_updates(timed, updates=4, env_steps=0, setup_s=2.5)
+    require_updates(timed, updates=4, env_steps=64, setup_s=2.5)
 
 
 def test_the_last_validation_is_of_the_last_policy(tmp_path: Path):

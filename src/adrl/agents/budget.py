@@ -26,11 +26,13 @@ def spent_fraction(config: TrainConfig, env_steps: int, wall_s: float) -> float:
 
 
 def require_updates(config: TrainConfig, updates: int, env_steps: int, setup_s: float) -> None:
-    """Raises ConfigError for a run that has ended before it learnt anything: its policy would be noise.
+    """Raises ConfigError for a run that has ended before it learnt from a step of its own: its policy would be noise.
+
+    Updates on demonstrations come before the first step.
 
     setup_s: wall clock from the start of the run to its first step.
     """
-    if updates > 0:
+    if updates > 0 and env_steps > 0:
         return
     if config.max_seconds is None or (config.steps is not None and env_steps >= config.steps):
         raise ConfigError(
@@ -39,7 +41,8 @@ def require_updates(config: TrainConfig, updates: int, env_steps: int, setup_s: 
         )
     raise ConfigError(
         f"no policy: --max-seconds {config.max_seconds:g} is a total, and set-up took {setup_s:.1f} s of it: it "
-        f"ended before the first update; give --max-seconds {math.ceil(setup_s) + 60} for about a minute of training"
+        f"ended before the robot's first step; give --max-seconds {math.ceil(setup_s) + 60} for about a minute of "
+        "training"
     )
 
 
