@@ -150,7 +150,8 @@ def test_mirrored_world_mirrored_cue(seed: int, beams: int, fov: float, sectors:
         mirrored,
         other,
     )
-    assert (np.abs(other - one[:, ::-1]) > 1e-4).mean() < 0.02  # a point between two beams may fall to either
+    # A point between two beams may fall to either: one of the few numbers that few sectors have, or few of many.
+    assert (np.abs(other - one[:, ::-1]) > 1e-4).sum() <= max(1, 0.02 * one.size)
 
 
 def test_the_encoder_s_mirror_turns_cues_too() -> None:
