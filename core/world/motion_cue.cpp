@@ -32,6 +32,8 @@ struct Seen {
 ADRL_CLONES void look(const float *ranges, const double *dx, const double *dy, int count, double max_range,
                       const Change &change, double angle_min, double increment, Seen &seen) {
     const double circle = kTwoPi / increment;
+    // Bearings behind a fan are numbered from whichever of its ends is nearer.
+    const double behind = 0.5 * (circle - (count - 1));
     for (int i = 0; i < count; ++i) {
         double range = ranges[i];
         range = range < max_range ? range : max_range; // not-a-number too
@@ -40,7 +42,7 @@ ADRL_CLONES void look(const float *ranges, const double *dx, const double *dy, i
         const double py = change.s * x + change.c * y + change.y;
         const double number = (rough_atan2(py, px) - angle_min) / increment;
         seen.distance[i] = static_cast<float>(std::sqrt(px * px + py * py));
-        seen.beam[i] = static_cast<float>(number - circle * std::floor((number + 0.5) / circle));
+        seen.beam[i] = static_cast<float>(number - circle * std::floor((number + behind) / circle));
     }
 }
 

@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -131,6 +131,7 @@ def test_an_approaching_disc_is_told_from_driving_towards_a_pillar() -> None:
     st.integers(4, 60),
     st.floats(-0.15, 0.15),
 )
+@example(0, 5, 6.0, 4, 0.0)  # less than half a beam is missing to the whole circle
 def test_mirrored_world_mirrored_cue(seed: int, beams: int, fov: float, sectors: int, mount_x: float) -> None:
     robot = RobotConfig(lidar=LidarConfig(num_beams=beams, fov_rad=fov, mount_x_m=mount_x))
     rng = np.random.default_rng(seed)

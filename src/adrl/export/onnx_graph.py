@@ -323,8 +323,12 @@ def _look(graph: Graph, cue: CueSettings, hits: str, source: Place, target: Plac
     square = graph.op("Add", graph.op("Mul", px, px), graph.op("Mul", py, py))
     bearing = graph.op("Sub", _rough_atan2(graph, py, px), graph.constant(cue.angle_min_rad, np.float64))
     number = graph.op("Div", bearing, graph.constant(cue.angle_increment_rad, np.float64))
-    circle = graph.constant(2.0 * math.pi / cue.angle_increment_rad, np.float64)
-    turns = graph.op("Div", graph.op("Add", number, graph.constant(0.5, np.float64)), circle)
+    beams = 2.0 * math.pi / cue.angle_increment_rad
+    circle, behind = (
+        graph.constant(beams, np.float64),
+        graph.constant(0.5 * (beams - cue.num_beams + 1), np.float64),
+    )
+    turns = graph.op("Div", graph.op("Add", number, behind), circle)
     beam = graph.op("Sub", number, graph.op("Mul", circle, graph.op("Floor", turns)))
     both = graph.op("Sqrt", square), beam
     rounded = [graph.cast(graph.cast(value, np.float32), np.float64) for value in both]
