@@ -93,13 +93,13 @@ def test_a_footprint_holds_the_solid_and_little_else(
     for x, y, radius in footprint.circles:
         assert math.dist((x, y), seen.mean(axis=0)) < 0.3 or kind == "capsule"
         assert radius <= 0.5
-    for angle in np.linspace(
-        0.0, 2.0 * math.pi, 16, endpoint=False
-    ):  # it reaches no farther than the points do
+    # It reaches no farther than the points do; few of them lie near the tip of a cone.
+    slack = 0.25 if kind == "cone" else 0.12
+    for angle in np.linspace(0.0, 2.0 * math.pi, 16, endpoint=False):
         u = np.array((math.cos(angle), math.sin(angle)))
         reach = [(p @ u).max() for p in footprint.polygons]
         reach += [np.dot(c[:2], u) + c[2] for c in footprint.circles]
-        assert max(reach) < (seen @ u).max() + 0.12
+        assert max(reach) < (seen @ u).max() + slack
 
 
 @pytest.mark.parametrize(
