@@ -13,6 +13,7 @@ from adrl.imitation import read_demonstrations
 from adrl.integrations.ros1.node import DIST_PACKAGES
 from adrl.worlds import SCENARIOS, load_robot, task_set
 from integrations.ros_processes import Ros
+from waiting import wait_until
 
 
 @pytest.fixture
@@ -34,18 +35,22 @@ def test_what_our_nodes_of_ros_1_drove_is_collected(ros1: Ros, tmp_path: Path) -
     task = task_set(SCENARIOS["clutter"], robot, "test", 1)[0]
     ros1.node("sim", "--speed", "2")
     ros1.node("drive", "--guidance", "goal")
-    recorder = ros1.start("record", ["rosbag", "record", "-a", "-O", str(tmp_path / "drive.bag")])
+    bag = tmp_path / "drive.bag"
+    recorder = ros1.start("record", ["rosbag", "record", "-a", "-O", str(bag)])
+    # `rosbag` is a script: the recorder proper is its child, which starts later than it and ends later.
+    wait_until(bag.with_suffix(".bag.active").exists)
     probe = ros1.probe("odom")
     probe.wait(
         lambda event: event["topic"] == "status" and event["status"] == "idle" and not event["reasons"]
     )
-    time.sleep(3.0)  # the recorder finds the topics
+    time.sleep(3.0)  # the recorder looks for new topics once a second
     first = probe.order(goal=task.goal, frame="map")
     ended = probe.wait(lambda event: event["topic"] == "status" and event["outcome"] != "", first)
     assert probe.events[ended]["outcome"] == "reached"
     time.sleep(1.0)
     assert recorder.end() == 0
-    data, (summary,) = read_demonstrations([tmp_path / "drive.bag"], robot)
+    wait_until(bag.exists)
+    data, (summary,) = read_demonstrations([bag], robot)
     assert summary.goals_from_topic
     assert summary.arrivals == 1
     assert summary.notes == ()

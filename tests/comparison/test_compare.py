@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,7 @@ from adrl.evaluation.statistics import probability_of_improvement, seed_iqm, see
 from adrl.export.onnx_graph import to_onnx
 from adrl.types import LidarConfig, RobotConfig
 from small_run import contents, run_cli
+from waiting import wait_until
 
 SIZES = (
     *("--steps", "2048", "--demonstration-steps", "1024", "--task-pool", "8", "--num-envs", "32"),
@@ -179,13 +179,6 @@ def gone(pid: int) -> bool:
         return True
 
 
-def wait_for(condition: Any, seconds: float) -> None:
-    end = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < end, "waited in vain"
-        time.sleep(0.05)
-
-
 @pytest.mark.slow
 @pytest.mark.integration
 def test_a_stopped_comparison_leaves_checkpoints(tmp_path: Path) -> None:
@@ -193,7 +186,7 @@ def test_a_stopped_comparison_leaves_checkpoints(tmp_path: Path) -> None:
     out = tmp_path / "out"
     process = start("--methods", "adrl", "--seeds", 1, *SIZES, "--steps", 10_000_000, "--out", out)
     log = out / "runs" / "adrl-s0" / "metrics.jsonl"
-    wait_for(lambda: log.exists() and log.read_bytes(), GIVE_UP_S)
+    wait_until(lambda: log.exists() and log.stat().st_size > 0, GIVE_UP_S)
     workers = workers_of(process.pid)
     os.kill(process.pid, signal.SIGINT)
     assert process.wait(timeout=GIVE_UP_S) == 1
@@ -211,12 +204,12 @@ def test_a_killed_comparison_goes_on_without_repeating_anything(
     out = tmp_path / "out"
     options = ("--methods", "adrl,td3", "--seeds", 2, *SIZES, "--out", out)
     process = start(*options)
-    wait_for(lambda: len(list(out.glob("*-s*/summary.json"))) >= 1, GIVE_UP_S)
-    wait_for(lambda: workers_of(process.pid), GIVE_UP_S)
+    wait_until(lambda: len(list(out.glob("*-s*/summary.json"))) >= 1, GIVE_UP_S)
+    wait_until(lambda: bool(workers_of(process.pid)), GIVE_UP_S)
     workers = workers_of(process.pid)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()
-    wait_for(lambda: all(map(gone, workers)), GIVE_UP_S)  # a compilation in the way takes its time
+    wait_until(lambda: all(map(gone, workers)), GIVE_UP_S)  # a compilation in the way takes its time
 
     finished = [path.parent for path in out.glob("*/summary.json")]
     before = {folder: contents(folder) for folder in finished}

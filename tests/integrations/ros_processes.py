@@ -11,6 +11,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from waiting import wait_until
+
 Event = dict[str, Any]
 PERIOD_S = 0.1
 BRAKING_PERIODS = 6
@@ -102,7 +104,7 @@ class Ros:
             port = free.getsockname()[1]
         self.environment |= {"ROS_MASTER_URI": f"http://127.0.0.1:{port}", "ROS_IP": "127.0.0.1"}
         self.start("master", ["rosmaster", "--core", "-p", str(port)])
-        wait_for_port(port)
+        wait_until(lambda: listens(port))
         parameter = "import rosgraph; rosgraph.Master('test').setParam('/use_sim_time', True)"
         subprocess.run(["/usr/bin/python3", "-c", parameter], env=self.environment, check=True)
 
@@ -146,14 +148,10 @@ class Ros:
             print(f"--- {log.name}\n{log.read_text()}")  # noqa: T201 - pytest shows it with a failure
 
 
-def wait_for_port(port: int) -> None:
-    give_up_s = time.monotonic() + 30.0
-    while time.monotonic() < give_up_s:
-        with socket.socket() as probe:
-            if probe.connect_ex(("127.0.0.1", port)) == 0:
-                return
-        time.sleep(0.05)
-    raise AssertionError("the master did not start")
+def listens(port: int) -> bool:
+    """Whether a program of this machine answers there."""
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
 def is_idle(event: Event) -> bool:
