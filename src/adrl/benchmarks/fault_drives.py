@@ -10,11 +10,11 @@ from zlib import crc32
 import numpy as np
 
 from adrl import _core
-from adrl.benchmarks.faults import BASE, FAULTS, Fault, Line, pass_on
+from adrl.benchmarks.faults import FAULTS, Fault, Line, pass_on
 from adrl.deploy import MlpPolicy, Navigator, Odometry, Pose, Scan, Twist, load_policy
 from adrl.deploy.policy import DEFAULT, resolve_policy
 from adrl.envs import NavSim
-from adrl.envs.randomization import nominal_params
+from adrl.envs.randomization import PARAMS, nominal_params
 from adrl.evaluation.statistics import wilson_interval
 from adrl.geometry import compose
 from adrl.types import RobotConfig, Task, World
@@ -96,11 +96,15 @@ class _Robot:
 
     def __init__(self, name: str, robot: RobotConfig, scenario: str, task: Task, number: int) -> None:
         self.name, self.fault, self.task, self.number = name, FAULTS[name], task, number
-        seed = crc32(f"{name}/{robot.name}/{scenario}/{number}".encode())
-        self.scans: Line[Scan] = Line(robot, seed)
-        self.odometry: Line[Odometry] = Line(robot, seed + 1)
-        self.commands: Line[Twist] = Line(robot, seed + 2)
-        self.places: Line[Pose] = Line(robot, seed + 3)
+        # By what the drive is, and not by its place among others: a part of them is the same drives.
+        drive = np.random.SeedSequence(crc32(f"{name}/{robot.name}/{scenario}/{number}".encode()))
+        scans, odometry, commands, places, glass, sensors = drive.spawn(6)
+        self.scans: Line[Scan] = Line(robot, scans)
+        self.odometry: Line[Odometry] = Line(robot, odometry)
+        self.commands: Line[Twist] = Line(robot, commands)
+        self.places: Line[Pose] = Line(robot, places)
+        self.sensors_seed = sensors.generate_state(1, np.uint64)[0]
+        """Of the simulated sensors' noise."""
         policy = policy_of(robot)
         world = task.world if policy.config.guidance == "map" else None
         self.navigator = Navigator(policy, world=world)
@@ -111,7 +115,7 @@ class _Robot:
         """How far it had come when it moved last, and when that was."""
         self.outcome: Outcome | None = None
         self.reasons: Counter[str] = Counter()
-        self.sees = _without_glass(task.world, seed) if self.fault.glass else None
+        self.sees = _without_glass(task.world, glass) if self.fault.glass else None
 
     def is_late(self, travelled_m: float, time_s: float) -> bool:
         """Whether it has used up its time, or stands for good."""
@@ -124,8 +128,9 @@ def _drive(names: Sequence[str], robot: RobotConfig, scenario: str, tasks: dict[
     robots = [_Robot(name, robot, scenario, task, number) for name in names for number, task in tasks.items()]
     everyone = np.arange(len(robots))
     sim = NavSim(len(robots), robot, guidance="goal")
-    sim.reset(everyone, [one.task for one in robots], everyone.astype(np.uint64), np.random.default_rng(0))
-    sim.b["params"][:] = [_params(robot, one.fault) for one in robots]
+    seeds = np.array([one.sensors_seed for one in robots])
+    sim.reset(everyone, [one.task for one in robots], seeds, np.random.default_rng(0))
+    sim.b["params"][:] = [params_of(robot, one.fault) for one in robots]
     period_s = robot.control_period_s
     step = 0
     while sim.b["active"].any():
@@ -199,18 +204,14 @@ def as_odometry(sim: NavSim, i: int, stamp_s: float) -> Odometry:
     return Odometry(pose=(x, y, yaw), twist=(v, w), stamp_s=stamp_s)
 
 
-def _params(robot: RobotConfig, fault: Fault) -> np.ndarray:
+def params_of(robot: RobotConfig, fault: Fault) -> np.ndarray:
     """(P,) of the simulated base."""
-    params = nominal_params(robot)
-    for name, value in fault.base.items():
-        column = BASE.index(name)
-        if column == BASE.index("latency_s"):
-            params[column] += value
-        elif column > BASE.index("latency_s"):
-            params[column + 2] = value  # after the range noise and the dropouts
-        else:
-            params[column] *= value
-    return params
+    params = dict(zip(PARAMS, nominal_params(robot).tolist(), strict=True))
+    for name, factor in fault.base_factors.items():
+        params[name] *= factor
+    for name, term in fault.base_terms.items():
+        params[name] += term
+    return np.array([params[name] for name in PARAMS])
 
 
 def _moving_near(sim: NavSim, i: int, world: World) -> bool:
@@ -220,7 +221,7 @@ def _moving_near(sim: NavSim, i: int, world: World) -> bool:
     return bool((away < sim.robot.circumscribed_radius_m + TOUCH_M).any())
 
 
-def _without_glass(world: World, seed: int) -> World:
+def _without_glass(world: World, seed: np.random.SeedSequence) -> World:
     """A third of the circles and polygons are of glass: the LiDAR looks through them."""
     rng = np.random.default_rng(seed)
     circles = world.circles[rng.random(len(world.circles)) > 1.0 / 3.0]

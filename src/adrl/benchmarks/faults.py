@@ -7,7 +7,7 @@ arrives: the message, another one, an older one, or None.
 import dataclasses
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, Generic, TypeVar
@@ -29,7 +29,7 @@ SPELL, PAUSE = 20, 40
 class Line(Generic[Message]):
     """One stream of messages of one robot, one a control period."""
 
-    def __init__(self, robot: RobotConfig, seed: int) -> None:
+    def __init__(self, robot: RobotConfig, seed: np.random.SeedSequence) -> None:
         self.robot = robot
         self.rng = np.random.default_rng(seed)
         self.step = -1
@@ -63,8 +63,10 @@ class Fault:
     """Step and true time to what every clock on the robot says."""
     node: Callable[[int], bool] = lambda step: True
     """Whether the node runs in a step."""
-    base: dict[str, float] = field(default_factory=dict)
-    """Factors and terms of the base that its RobotConfig does not know of; see BASE."""
+    base_factors: Mapping[str, float] = field(default_factory=dict)
+    """By what to multiply parameters of the base that its RobotConfig does not know of; names are those of PARAMS."""
+    base_terms: Mapping[str, float] = field(default_factory=dict)
+    """What to add to them."""
     in_spells: bool = False
     """SPELL periods of every SPELL + PAUSE, else always."""
     drivable: bool = True
@@ -73,19 +75,6 @@ class Fault:
     """The LiDAR looks through part of what stands there."""
     told: bool = True
     """Whether anything that arrives tells of it."""
-
-
-BASE = (
-    "speed_gain",
-    "yaw_gain",
-    "acceleration",
-    "yaw_acceleration",
-    "lag",
-    "latency_s",
-    "speed_drift",
-    "yaw_drift",
-)
-"""Factors of the base's response but for latency_s, which is added, and the odometry's relative errors."""
 
 
 def pass_on(line: Line[Message], message: Message, fault: Callable | None, in_spells: bool) -> Message | None:
@@ -344,7 +333,7 @@ FAULTS: dict[str, Fault] = {
         odometry=partial(pose_shifted, by_m=2.0, by_rad=0.5), in_spells=True, drivable=False
     ),
     "odometry jitters by 5 mm": Fault(odometry=partial(pose_noisy, std_m=0.005)),
-    "odometry drifts by 5 %": Fault(base={"speed_drift": 0.05, "yaw_drift": -0.05}),
+    "odometry drifts by 5 %": Fault(base_terms={"speed_drift": 0.05, "yaw_drift": -0.05}),
     "localisation noisy by 5 cm and 1 deg": Fault(
         localisation=partial(pose_is_about, std_m=0.05, std_rad=0.02)
     ),
@@ -359,10 +348,12 @@ FAULTS: dict[str, Fault] = {
     "commands late by 2": Fault(command=partial(late, periods=2)),
     "commands late by 2 for 2 s": Fault(command=partial(late, periods=2), in_spells=True),
     "commands late by 3": Fault(command=partial(late, periods=3), drivable=False),
-    "base 10 % fast": Fault(base={"speed_gain": 1.1, "yaw_gain": 1.1}),
-    "base 10 % slow": Fault(base={"speed_gain": 0.9, "yaw_gain": 0.9}),
-    "base of half the acceleration": Fault(base={"acceleration": 0.5, "yaw_acceleration": 0.5}),
-    "base of thrice the lag": Fault(base={"lag": 3.0}),
+    "base 10 % fast": Fault(base_factors={"speed_gain": 1.1, "yaw_gain": 1.1}),
+    "base 10 % slow": Fault(base_factors={"speed_gain": 0.9, "yaw_gain": 0.9}),
+    "base of half the acceleration": Fault(
+        base_factors={"acceleration_mps2": 0.5, "yaw_acceleration_radps2": 0.5}
+    ),
+    "base of thrice the lag": Fault(base_factors={"lag_s": 3.0}),
     # clocks and node
     "clock jumps by 100 s": Fault(clock=jumps(100.0)),
     "clock jumps by -100 s": Fault(clock=jumps(-100.0)),

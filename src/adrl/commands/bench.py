@@ -1,7 +1,7 @@
 """adrl bench."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -199,9 +199,13 @@ def _faults(arguments: Sequence[str]) -> int:
     drives = fault_drives.fault_drives(
         names, robots=options.robot, scenarios=options.scenario, tasks=options.tasks, first=options.first
     )
-    return _report(
-        {"schema_version": 1, "drives": len(drives), "faults": fault_drives.table(drives)}, options.json
-    )
+    results = {
+        "schema_version": 1,
+        "drives": len(drives),
+        "faults": fault_drives.table(drives),
+        "each": [asdict(drive) for drive in drives],
+    }
+    return _report(results, options.json)
 
 
 def _learn(arguments: Sequence[str]) -> int:

@@ -39,8 +39,24 @@ MILD = Randomization(gain=0.05, acceleration=0.2, lag=0.5, latency_s=0.05, range
 """The default of training: no policy should lean on one exact base."""
 
 
+PARAMS = (
+    "speed_gain",
+    "yaw_gain",
+    "acceleration_mps2",
+    "yaw_acceleration_radps2",
+    "lag_s",
+    "latency_s",
+    "range_noise_m",
+    "dropout_probability",
+    "speed_drift",
+    "yaw_drift",
+)
+"""The columns of the simulator's `params`: gains are executed over commanded, drifts the odometry's relative errors."""
+assert len(PARAMS) == _core.NUM_PARAMS
+
+
 def nominal_params(robot: RobotConfig) -> Array:
-    """(P,) what the simulator takes for the robot as configured; columns as in _core.NUM_PARAMS."""
+    """(P,) what the simulator takes for the robot as configured; columns are PARAMS."""
     lidar = robot.lidar
     params = [
         1.0,
@@ -51,7 +67,6 @@ def nominal_params(robot: RobotConfig) -> Array:
         robot.latency_s,
     ]
     params += [lidar.noise_std_m, lidar.dropout_probability, 0.0, 0.0]
-    assert len(params) == _core.NUM_PARAMS
     return np.array(params)
 
 

@@ -2,8 +2,10 @@
 
 import pytest
 
-from adrl.benchmarks.fault_drives import ROBOT_NAMES, SCENARIOS, fault_drives, table
+from adrl.benchmarks.fault_drives import ROBOT_NAMES, SCENARIOS, fault_drives, params_of, table
 from adrl.benchmarks.faults import FAULTS
+from adrl.envs.randomization import PARAMS, nominal_params
+from adrl.worlds import ROBOTS
 
 NAMED = {
     "scan late by 2, unsaid": "scan_late",
@@ -41,6 +43,31 @@ ALARMS = {
     "odometry_contradicts",
     "base_late",
 }
+
+
+@pytest.mark.integration
+def test_a_part_of_the_drives_is_the_same_drives():
+    """What is drawn in a drive hangs on the drive, not on those beside it."""
+    faults = ["range noise of 3 cm", "scan lost, 10 %", "glass"]
+    together = fault_drives(faults, robots=["diffbot"], scenarios=["clutter"], tasks=2)
+    alone = [
+        drive
+        for fault in reversed(faults)
+        for drive in fault_drives([fault], robots=["diffbot"], scenarios=["clutter"], first=1)
+    ]
+    assert [drive for drive in together if drive.task == 1] == alone[::-1]
+    assert len({drive.time_s for drive in together}) > 3
+
+
+def test_faults_of_the_base_change_what_they_name_and_nothing_else():
+    robot = ROBOTS["jackal"]
+    nominal = dict(zip(PARAMS, nominal_params(robot).tolist(), strict=True))
+    lagging = nominal | {"lag_s": 3.0 * robot.lag_s}
+    drifting = nominal | {"speed_drift": 0.05, "yaw_drift": -0.05}
+    assert params_of(robot, FAULTS["base of thrice the lag"]).tolist() == list(lagging.values())
+    assert params_of(robot, FAULTS["odometry drifts by 5 %"]).tolist() == list(drifting.values())
+    for fault in FAULTS.values():
+        params_of(robot, fault)
 
 
 @pytest.mark.integration
