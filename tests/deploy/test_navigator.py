@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from adrl.deploy import Navigator, Odometry, Pose, Scan, SupervisorConfig
-from adrl.deploy.setup import as_trained
+from adrl.deploy.another_robot import as_trained
 from adrl.envs import NavSim
 from adrl.errors import AdrlError, ConfigError
 from adrl.observation import EncoderConfig, to_twist

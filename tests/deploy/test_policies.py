@@ -19,7 +19,7 @@ from adrl.deploy import Navigator, Odometry, Scan, find_policy
 from adrl.errors import AdrlError, CheckpointError, ConfigError, MissingExtra, UnknownName
 from adrl.export.onnx_graph import to_onnx
 from adrl.observation import Measurements, ObservationDecoder, to_action
-from adrl.types import Array, RobotConfig
+from adrl.types import Array, LidarConfig, RobotConfig
 from adrl.worlds import ROBOTS
 from deploy.recorded import a_policy
 from refusals import Adrl
@@ -257,12 +257,35 @@ class TestOnnx:
         assert ours == theirs
         assert summaries[1]["policy"] == "model.onnx"
 
-    def test_another_lidar_is_refused(self, tmp_path: Path) -> None:
+    @pytest.mark.parametrize(
+        ("robot", "says"),
+        [
+            (ROBOTS["turtlebot3_burger"], "lidar.num_beams 360 instead of 180"),
+            (
+                RobotConfig(name="own", max_speed_mps=0.9),
+                "own has max_speed_mps 0.9 instead of 0.6; give the run",
+            ),
+        ],
+    )
+    def test_a_robot_that_its_encoder_would_see_wrong_is_refused(
+        self, robot: RobotConfig, says: str, tmp_path: Path
+    ) -> None:
         (tmp_path / "model.onnx").write_bytes(to_onnx(a_policy(RobotConfig())))
-        with pytest.raises(
-            ConfigError, match="180 beams, those of robot diffbot, and the robot that drives has 360"
-        ):
-            adrl.evaluate(tmp_path / "model.onnx", robot="turtlebot3_burger", episodes=1)
+        with pytest.raises(ConfigError, match=says):
+            adrl.evaluate(tmp_path / "model.onnx", robot=robot, episodes=1)
+        with pytest.raises(ConfigError, match=says):
+            Navigator(tmp_path / "model.onnx", robot=robot, guidance="goal")
+
+    def test_on_another_robot_it_drives_as_the_policy_does(self, tmp_path: Path) -> None:
+        policy = a_policy(RobotConfig())
+        (tmp_path / "model.onnx").write_bytes(to_onnx(policy))
+        lidar = LidarConfig(max_range_m=12.0, noise_std_m=0.02)
+        robot = RobotConfig(name="own", min_speed_mps=-0.3, lag_s=0.2, control_period_s=0.05, lidar=lidar)
+        ours, theirs = (
+            run_navigator(Navigator(p, robot=robot, guidance="goal", supervisor=None), steps=20)
+            for p in (policy, tmp_path / "model.onnx")
+        )
+        np.testing.assert_allclose(ours, theirs, atol=1e-4)
 
     def test_a_navigator_takes_it(self, tmp_path: Path) -> None:
         policy = a_policy(RobotConfig())

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from adrl.deploy.another_robot import as_trained
 from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Scan
-from adrl.deploy.setup import as_trained
 from adrl.envs import Setting
 from adrl.evaluation.evaluate import evaluate
 from adrl.evaluation.metrics import Episodes

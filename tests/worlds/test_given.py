@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from adrl.agents.checkpoint import require_same
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
-from adrl.deploy.setup import training_worlds
+from adrl.deploy.training_worlds import training_worlds
 from adrl.errors import CheckpointError
 from adrl.runs import Run, RunConfig
 from adrl.types import World

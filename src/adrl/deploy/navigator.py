@@ -16,12 +16,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from adrl.deploy.another_robot import other_robot
 from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Command, Odometry, Pose, Reason, Scan, Status, Twist
 from adrl.deploy.policies import ResolvedPolicy, act, begin, find_policy
 from adrl.deploy.recovery import WAY_M, Recovery
 from adrl.deploy.scan_reader import ScanReader
-from adrl.deploy.setup import as_trained, other_robot
 from adrl.deploy.supervisor import CAUTIONS, DEFAULT, Supervisor, SupervisorConfig
 from adrl.errors import ConfigError, PlanningError
 from adrl.observation import Encoder, ObservationEncoder, in_robot_frame, to_action, to_twist
@@ -82,7 +82,7 @@ class Navigator:
         trained = found.robot or self.robot
         self.other_robot = other_robot(found.name, trained, self.robot)
         """What is other on this robot than on the one that the policy was trained for, in words; None for nothing."""
-        self._as_trained = as_trained(self.robot, trained)
+        self._as_trained = found.taken_as(self.robot)
         self.guidance = found.require_guidance(guidance)
         _check_guidance(self.guidance, world)
         self.goal_tolerance_m = goal_tolerance_m

@@ -28,19 +28,20 @@ class _Encoder(TypedDict, total=False):
 class OnnxPolicy:
     """See load_onnx. What it was trained for stands in the model."""
 
+    encoder_inside = True
+
     def __init__(self, session: Any, name: str, fingerprint: str) -> None:
         """session: of ONNX Runtime, with the model. Raises CheckpointError for one that adrl export did not write."""
         self.name, self.fingerprint = name, fingerprint
         self._session = session
-        inputs = {spec.name: spec.shape for spec in session.get_inputs()}
+        inputs = tuple(spec.name for spec in session.get_inputs())
         about = session.get_modelmeta().custom_metadata_map
-        if not ({*INPUTS} <= inputs.keys() <= {*INPUTS, *PAST_INPUTS} and about.keys() >= {*METADATA}):
+        if not ({*INPUTS} <= {*inputs} <= {*INPUTS, *PAST_INPUTS} and about.keys() >= {*METADATA}):
             raise CheckpointError(
                 f"{name}: not a model of adrl export --onnx (inputs {', '.join(inputs)}); give a policy of your own as "
                 "module:object, see docs/guide/policy.md"
             )
-        self._inputs = tuple(inputs)
-        self._beams = inputs["ranges"][1]
+        self._inputs = inputs
         try:
             encoder = parse_json(about["encoder"], _Encoder)
             self.robot: RobotConfig = robot_from_fields(parse_json(about["robot"], dict[str, Any]))
@@ -54,14 +55,8 @@ class OnnxPolicy:
         self.guidance, self.method = about["guidance"], about["method"]
 
     def act(self, observation: NDArray[np.floating]) -> NDArray[np.float32]:
-        """(N, D) measurements -> (N, 2) actions in [-1, 1]. Raises ConfigError for the scans of another LiDAR."""
+        """(N, D) measurements of its robot -> (N, 2) actions in [-1, 1]."""
         measured = self.encoder.split(observation)._asdict()
-        beams = measured["ranges"].shape[1]
-        if beams != self._beams:
-            raise ConfigError(
-                f"policy {self.name} takes scans of {self._beams} beams, those of robot {self.robot.name}, and the "
-                f"robot that drives has {beams}; leave out another robot"
-            )
         given = {
             name: np.ascontiguousarray(measured[name], np.float64 if name in PAST_INPUTS[1:] else np.float32)
             for name in self._inputs

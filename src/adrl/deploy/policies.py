@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from adrl.deploy.another_robot import as_trained, require_encodable
 from adrl.deploy.onnx_policy import load_onnx
 from adrl.deploy.policy import SHIPPED, MlpPolicy, load_policy, resolve_policy
 from adrl.deploy.sb3_policy import load_sb3
-from adrl.deploy.setup import setup_of, training_worlds
+from adrl.deploy.setup import setup_of
+from adrl.deploy.training_worlds import training_worlds
 from adrl.errors import AdrlError, ConfigError, UnknownName
 from adrl.observation import Encoder, EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
@@ -41,6 +43,8 @@ class ResolvedPolicy:
     robot: RobotConfig | None = None
     """The robot it was made for; None for any."""
     encoder: EncoderConfig | Encoder = field(default_factory=EncoderConfig)
+    encoder_inside: bool = False
+    """Whether it encodes measurements by itself, as one of its own robot."""
     guidance: str = "goal"
     replanner: ReplannerConfig = field(default_factory=ReplannerConfig)
     """The constants of guidance `replan`."""
@@ -73,6 +77,17 @@ class ResolvedPolicy:
     def driven(self, robot: str | os.PathLike[str] | RobotConfig | None) -> RobotConfig:
         """The robot that drives: the given one, or its own. Raises AdrlError."""
         return load_robot(robot or self.robot or DEFAULT_ROBOT)
+
+    def taken_as(self, driven: RobotConfig) -> RobotConfig:
+        """The robot that drives, as the policy takes it: as_trained, of whatever form the policy is.
+
+        Raises ConfigError for one with the encoder of its own robot inside that would see another one wrong.
+        """
+        if self.robot is None:
+            return driven
+        if self.encoder_inside:
+            require_encodable(self.name, self.robot, driven, self.encoder.history_steps)
+        return as_trained(driven, self.robot)
 
 
 def find_policy(policy: Any, planners: Mapping[str, Callable[[], Any]] | None = None) -> ResolvedPolicy:
@@ -165,7 +180,15 @@ def _described(policy: Any, text: str | None) -> ResolvedPolicy:
         )
     own: dict[str, Any] = {
         key: getattr(policy, key)
-        for key in ("method", "guidance", "replanner", "maturity", "fingerprint", "training_worlds")
+        for key in (
+            "method",
+            "encoder_inside",
+            "guidance",
+            "replanner",
+            "maturity",
+            "fingerprint",
+            "training_worlds",
+        )
         if hasattr(policy, key)
     }
     if hasattr(policy, "act_in"):

@@ -62,6 +62,15 @@ class PolicyConfig:
         """Units of each layer, input and output included."""
         return (self.input_size, *self.widths, ACTION_SIZE)
 
+    def table(self, name: str) -> Mapping[str, Any]:
+        """An entry of config.json that holds others, empty where it has none. Raises CheckpointError."""
+        entry = self.extra.get(name, {})
+        if not isinstance(entry, Mapping):
+            raise CheckpointError(
+                f"{name} in config.json is {entry!r}, no table of settings; restore the file"
+            )
+        return entry
+
 
 class MlpPolicy:
     """tanh(MLP(s)) with ReLU between layers."""

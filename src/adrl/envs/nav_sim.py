@@ -64,7 +64,7 @@ class NavSim:
         """num_threads: 0 takes one per core. replanner, maturity: for guidance `replan`, S being the policy's.
 
         taken_as: the robot as a policy of another one takes it, with speeds and a LiDAR's reach of its own; as it is
-        when None. See adrl.deploy.setup.as_trained.
+        when None. See adrl.deploy.another_robot.as_trained.
         body: moves and senses the robots instead of our simulator; of the randomization it knows nothing. Raises
         UnknownName for a guidance that does not exist, ConfigError for a body with fewer robots.
         """

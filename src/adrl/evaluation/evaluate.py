@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from adrl import files
 from adrl.bags import BagWriter, require_new_bag
 from adrl.baselines.planners import PLANNERS
+from adrl.deploy.another_robot import other_robot
 from adrl.deploy.policies import ResolvedPolicy, find_policy
 from adrl.deploy.policy import MlpPolicy
-from adrl.deploy.setup import as_trained, other_robot
 from adrl.envs import Body, NavSim, Setting
 from adrl.errors import CheckpointError, ConfigError
 from adrl.evaluation.bag_recorder import BagRecorder
@@ -110,6 +110,7 @@ def evaluate(
     place = get_scenario(scenario)
     driver = find_policy(policy, PLANNERS)
     guidance, config = driver.require_guidance(guidance), driver.driven(robot)
+    taken_as = driver.taken_as(config)
     if paper_literal and guidance != "replan":
         raise ConfigError(
             f"paper_literal sets the equations of guidance replan, and guidance is {guidance}; give replan"
@@ -144,7 +145,7 @@ def evaluate(
                 encoder=encoder,
                 replanner=constants,
                 maturity=driver.maturity,
-                taken_as=None if driver.robot is None else as_trained(config, driver.robot),
+                taken_as=taken_as,
             ),
             encoder=own,
             seed=seed,

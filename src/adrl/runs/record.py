@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from adrl.agents.methods import method_name
 from adrl.deploy.policy import PolicyConfig
-from adrl.deploy.setup import training_worlds
+from adrl.deploy.training_worlds import training_worlds
 from adrl.imitation import recorded_worlds
 from adrl.simulators import NATIVE
 from adrl.worlds.given import training_fingerprints
