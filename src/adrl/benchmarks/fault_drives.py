@@ -206,7 +206,7 @@ def as_odometry(sim: NavSim, i: int, stamp_s: float) -> Odometry:
 
 def params_of(robot: RobotConfig, fault: Fault) -> np.ndarray:
     """(P,) of the simulated base."""
-    params = dict(zip(PARAMS, nominal_params(robot).tolist(), strict=True))
+    params: dict[str, float] = dict(zip(PARAMS, nominal_params(robot).tolist(), strict=True))
     for name, factor in fault.base_factors.items():
         params[name] *= factor
     for name, term in fault.base_terms.items():
