@@ -13,6 +13,8 @@ from adrl.rewards import RewardConfig
 from adrl.types import Form, require_forms
 
 MAX_WIDTH = 8192
+AVERAGE_POWER = 15.0
+"""eta of polynomial-decay averaging (Shamir and Zhang 2013): step t takes a share (1 + eta) / (t + eta)."""
 
 
 @dataclass(frozen=True, kw_only=True)

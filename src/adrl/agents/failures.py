@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 Mask = NDArray[np.bool_]
 Index = NDArray[np.int64]
 
+FAILURE_STEPS = 10
+"""A window drawn for a failure starts in one of so many steps, the failing one the last."""
+
 
 class Failures:
     """(step, environment) of each failure, oldest first. Steps count from the start of the run."""

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.agents.failures import Failures
+from adrl.agents.failures import FAILURE_STEPS, Failures
 from adrl.agents.losses import Batch, ExpertBatch
 from adrl.errors import CheckpointError, DatasetError
 from adrl.imitation.demonstrations import Demonstrations
@@ -25,8 +25,6 @@ F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 FAILURE_TERM = 1
-FAILURE_STEPS = 10
-"""A window drawn for a failure starts in one of so many steps, the failing one the last."""
 CONTINUES, TERMINATED, TRUNCATED = 0, 1, 2
 """What a step does to its episode."""
 

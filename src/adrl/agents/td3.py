@@ -14,15 +14,13 @@ import numpy as np
 
 from adrl.agents import losses, networks
 from adrl.agents.backend import jax, jnp
-from adrl.agents.config import Td3Config
+from adrl.agents.config import AVERAGE_POWER, Td3Config
 from adrl.agents.losses import Batch, ExpertBatch, Shape, Weights
 from adrl.rewards import RewardConfig
 
 Array = jax.Array
 
 BETA_1, BETA_2, EPSILON = 0.9, 0.999, 1e-8
-AVERAGE_POWER = 15.0
-"""eta of polynomial-decay averaging (Shamir and Zhang 2013): step t takes a share (1 + eta) / (t + eta)."""
 
 
 class Adam(NamedTuple):

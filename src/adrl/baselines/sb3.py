@@ -3,9 +3,11 @@
 Ours are widths, discount and, for TD3 and SAC, batch, learning rate, n-step targets and how fast they follow, replay,
 steps before the first update, and gradient updates for each step of the vector environment. Some constants of SAC and
 PPO were tuned (baselines/tuned.py); all else is the library's. With its own one-step
-targets TD3 had 12 % on `clutter` after 5,900 updates, with these 95 %. Mirrored batches, rows that lead to failures,
-critics with LayerNorm, noise that differs from robot to robot and the averaged actor are our learner's alone, in every
-method of it: a lead over these baselines is not due to imitation only.
+targets TD3 had 12 % on `clutter` after 5,900 updates, with these 95 %.
+
+That is how its users have it. Mirrored batches, rows that lead to failures, critics with LayerNorm, noise that differs
+from robot to robot and the averaged actor are our learner's, in every method of it; with `habits` the library's
+algorithms have them too, as far as its interface takes them: sb3_habits.py.
 """
 
 import time
@@ -34,8 +36,10 @@ from stable_baselines3 import PPO, SAC, TD3  # noqa: E402
 from stable_baselines3.common.base_class import BaseAlgorithm  # noqa: E402
 from stable_baselines3.common.callbacks import BaseCallback  # noqa: E402
 from stable_baselines3.common.noise import NormalActionNoise  # noqa: E402
-from stable_baselines3.common.policies import ActorCriticPolicy  # noqa: E402
 from stable_baselines3.common.vec_env import VecEnv  # noqa: E402
+
+from adrl.baselines.sb3_habits import averaged, with_habits  # noqa: E402
+from adrl.baselines.sb3_policies import TanhMeanPolicy  # noqa: E402
 
 F32 = NDArray[np.float32]
 
@@ -112,38 +116,33 @@ class Sb3Result:
     train_seconds: float
 
 
-class TanhMeanPolicy(ActorCriticPolicy):
-    """The library's policy for PPO with tanh on the mean action, as TD3's and SAC's actors have it.
-
-    The library's own mean is unbounded and cut off by the environment. So all actors have one form, and what drives a
-    robot is the same network.
-    """
-
-    def _build(self, lr_schedule: Any) -> None:
-        super()._build(lr_schedule)
-        self.action_net = torch.nn.Sequential(self.action_net, torch.nn.Tanh())
-
-
 def make_model(
-    algorithm: str, env: NavVectorEnv, config: TrainConfig, tuned: Mapping[str, Any] | None = None
+    algorithm: str,
+    env: NavVectorEnv,
+    config: TrainConfig,
+    tuned: Mapping[str, Any] | None = None,
+    *,
+    habits: bool = False,
 ) -> BaseAlgorithm:
     """An untrained model with our learner's sizes, on one thread. Raises UnknownName.
 
-    tuned: constructor's arguments instead of those of TUNED.
+    tuned: constructor's arguments instead of those of TUNED. habits: see with_habits.
     """
     if algorithm not in ALGORITHMS:
         raise UnknownName("algorithm", algorithm, ALGORITHMS)
     torch.set_num_threads(1)
     kind: Any = ALGORITHMS[algorithm]  # each has a constructor of its own
-    policy = TanhMeanPolicy if algorithm == "PPO" else "MlpPolicy"
     options = _on_policy(config) if algorithm == "PPO" else _off_policy(algorithm, config)
-    options |= TUNED[algorithm] if tuned is None else tuned
-    return kind(policy, Sb3VecEnv(env), gamma=config.td3.gamma, seed=config.seed, device="cpu", **options)
+    options |= {"gamma": config.td3.gamma} | dict(TUNED[algorithm] if tuned is None else tuned)
+    if habits:
+        options = with_habits(algorithm, options, config, env.sim.encoder.mirror, env.num_envs)
+    return kind(env=Sb3VecEnv(env), seed=config.seed, device="cpu", **options)
 
 
 def _off_policy(algorithm: str, config: TrainConfig) -> dict[str, Any]:
     noise = NormalActionNoise(np.zeros(2), np.full(2, EXPLORATION_STD)) if algorithm == "TD3" else None
     return {
+        "policy": "MlpPolicy",
         "learning_rate": config.td3.critic_learning_rate,
         "buffer_size": config.replay_capacity,
         "learning_starts": config.start_steps,
@@ -160,6 +159,7 @@ def _off_policy(algorithm: str, config: TrainConfig) -> dict[str, Any]:
 
 def _on_policy(config: TrainConfig) -> dict[str, Any]:
     return {
+        "policy": TanhMeanPolicy,
         # With 64 robots a rollout of 2,048 rows, as the library's default is with one.
         "n_steps": 32,
         "batch_size": config.td3.batch_size,
@@ -167,13 +167,19 @@ def _on_policy(config: TrainConfig) -> dict[str, Any]:
     }
 
 
-def to_policy(model: BaseAlgorithm, config: PolicyConfig) -> MlpPolicy:
-    """The model's deterministic actor, tanh(MLP(s)), in numpy with its own memory."""
-    source: Any = model.policy
+def acting(model: BaseAlgorithm) -> torch.nn.Module:
+    """The module of a model that holds its actor: of PPO the whole policy, which has one optimiser."""
+    policy: Any = model.policy
+    return policy if isinstance(model, PPO) else policy.actor
+
+
+def to_policy(model: BaseAlgorithm, config: PolicyConfig, actor: torch.nn.Module | None = None) -> MlpPolicy:
+    """The deterministic actor, tanh(MLP(s)), in numpy with its own memory: the model's own, or another of its kind."""
+    source: Any = acting(model) if actor is None else actor
     if isinstance(model, PPO):
         modules = [source.mlp_extractor.policy_net, source.action_net]
     else:
-        modules = [source.actor.mu] if isinstance(model, TD3) else [source.actor.latent_pi, source.actor.mu]
+        modules = [source.mu] if isinstance(model, TD3) else [source.latent_pi, source.mu]
     linear = [m for module in modules for m in module.modules() if isinstance(m, torch.nn.Linear)]
     layers = [(_array(layer.weight).T.copy(), _array(layer.bias)) for layer in linear]
     sizes = replace(config, input_size=layers[0][0].shape[0], widths=tuple(len(b) for _, b in layers[:-1]))
@@ -197,17 +203,18 @@ def mean_q(model: BaseAlgorithm) -> float | None:
         return float(source.critic(batch.observations, batch.actions)[0].mean())
 
 
-def promised(model: BaseAlgorithm, observation: F32) -> float:
-    """Mean over states (E, D) of Q_1 of the model's own deterministic action: what the critic promises from there.
+def promised(model: BaseAlgorithm, observation: F32, actor: torch.nn.Module | None = None) -> float:
+    """Mean over states (E, D) of Q_1 of an actor's deterministic action: what the critic promises from there.
 
-    Of PPO V(s). SAC's includes the entropy that its actor is paid for.
+    actor: as of to_policy. Of PPO V(s). SAC's includes the entropy that its actor is paid for.
     """
     states = torch.as_tensor(observation)
     source: Any = model
+    driver: Any = acting(model) if actor is None else actor
     with torch.no_grad():
         if isinstance(model, PPO):
             return float(source.policy.predict_values(states).mean())
-        return float(source.critic(states, source.policy._predict(states, deterministic=True))[0].mean())
+        return float(source.critic(states, driver._predict(states, deterministic=True))[0].mean())
 
 
 def _gradient_updates(model: BaseAlgorithm) -> int:
@@ -233,20 +240,22 @@ def train_sb3(
     on_progress: Callable[[float], None] | None = None,
     start_time_s: float | None = None,
     tuned: Mapping[str, Any] | None = None,
+    habits: bool = False,
 ) -> Sb3Result:
     """Train a baseline and leave metrics.jsonl and the policy, which adrl evaluate drives, in `out`.
 
     algorithm: of ALGORITHMS. config: seed, budget, sizes and intervals; what is the method of ADRL has no effect.
-    start_time_s: of time.monotonic(); wall_s and max_seconds count from it, time in `evaluate` left out. tuned: as of
-    make_model. The policy is the last actor, as the library's users have it. PPO ends with the first whole rollout at
-    or past config.steps. Raises ConfigError, UnknownName.
+    start_time_s: of time.monotonic(); wall_s and max_seconds count from it, time in `evaluate` left out. tuned, habits:
+    as of make_model. The policy is the last actor, as the library's users have it, with habits the averaged one. PPO
+    ends with the first whole rollout at or past config.steps. Raises ConfigError, UnknownName.
     """
     require_end(config)
     started_s = time.monotonic() if start_time_s is None else start_time_s
     policy_config = replace(policy_config, maturity=env.maturity)
-    model = make_model(algorithm, env, config, tuned)
+    model = make_model(algorithm, env, config, tuned, habits=habits)
+    actor = averaged(acting(model)) if habits else acting(model)
     setup_s = time.monotonic() - started_s
-    watch = _Watch(config, env.num_envs, out, policy_config, evaluate, on_progress, started_s)
+    watch = _Watch(config, env.num_envs, out, policy_config, evaluate, on_progress, started_s, actor)
     try:
         model.learn(total_timesteps=config.steps or ENDLESS, callback=watch)
         seconds = watch.wall_s()
@@ -260,7 +269,7 @@ def train_sb3(
         "gradient_updates": watch.updates,
         "episodes": watch.tally.total,
     }
-    policy = to_policy(model, replace(policy_config, extra=dict(policy_config.extra) | counts))
+    policy = to_policy(model, replace(policy_config, extra=dict(policy_config.extra) | counts), actor)
     policy.save(out)
     return Sb3Result(policy, model.num_timesteps, watch.updates, seconds)
 
@@ -277,9 +286,10 @@ class _Watch(BaseCallback):
         evaluate: Evaluate | None,
         on_progress: Callable[[float], None] | None,
         started_s: float,
+        actor: torch.nn.Module,
     ) -> None:
         super().__init__()
-        self._config, self._policy_config = config, policy_config
+        self._config, self._policy_config, self._actor = config, policy_config, actor
         self._evaluate, self._on_progress = evaluate, on_progress
         self._started_s = started_s
         self.tally = EpisodeTally.empty(num_envs)
@@ -320,9 +330,9 @@ class _Watch(BaseCallback):
         row |= self.tally.take() | {"success": None}
         if evaluate and self._evaluate is not None:
             began_s = time.monotonic()
-            policy = to_policy(self.model, self._policy_config)
+            policy = to_policy(self.model, self._policy_config, self._actor)
             result = self._evaluate(policy, self._config.static_maturity)
-            value = promised(self.model, result.start)
+            value = promised(self.model, result.start, self._actor)
             row |= {"success": result.success, "q_start": value, "return_start": result.discounted_return}
             row["overestimation"] = value - result.discounted_return
             self._started_s += time.monotonic() - began_s

@@ -26,7 +26,7 @@ def main(arguments: Sequence[str]) -> int:
     _section("robots", {name: _numbers(robot) for name, robot in ROBOTS.items()}, "robot")
     _section("scenarios", _first_lines(SCENARIOS), "scenario")
     _section("methods", _first_lines(METHODS), "method")
-    baselines = {name: f"{a} of Stable-Baselines3, in adrl compare" for name, a in SB3_METHODS.items()}
+    baselines = {name: f"{baseline}, in adrl compare" for name, baseline in SB3_METHODS.items()}
     _section("baselines", baselines)
     _section("reward terms of other packages", {}, "reward term")
     _section("guidance", dict.fromkeys(GUIDANCE, ""))

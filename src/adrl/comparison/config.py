@@ -151,7 +151,7 @@ class CompareConfig(RunConfig):
             learner = asdict(self.run(name, self.learner.seed, self.out).resolved())
             del learner["seed"]
             if name in SB3_METHODS:
-                learner["tuned"] = TUNED[SB3_METHODS[name]]
+                learner["tuned"] = TUNED[SB3_METHODS[name].algorithm]
             content[name] = json.loads(json.dumps(learner, default=str, allow_nan=False))
         called = {name: name for name in self.method_names}
         for text in self.policy_names:

@@ -175,8 +175,9 @@ def train_baseline(
         randomize=config.randomize,
         task_priority=config.task_priority,
     )
+    baseline = SB3_METHODS[method]
     train_sb3(
-        SB3_METHODS[method],
+        baseline.algorithm,
         env,
         run.learner,
         out,
@@ -184,4 +185,5 @@ def train_baseline(
         evaluate=run.validation(),
         start_time_s=started_s,
         tuned=tuned,
+        habits=baseline.habits,
     )
