@@ -3,6 +3,7 @@
 #include <nanobind/stl/unique_ptr.h>
 
 #include "arrays.hpp"
+#include "bound_control.hpp"
 #include "buffers.hpp"
 #include "footprint.hpp"
 #include "sim/batch_sim.hpp"
@@ -135,10 +136,12 @@ void follow(BoundSim &self, const In<double, nb::shape<-1, 3>> &before) {
     self.sim.follow(before.data());
 }
 
-void plan(BoundSim &self, Out<double, Rows2> out) {
+void plan(BoundSim &self, BoundControl &control, Out<double, Rows2> out) {
     if (out.shape(0) != static_cast<std::size_t>(self.sim.num_envs())) throw nb::value_error("out");
+    if (control.native.num_robots() != self.sim.num_envs()) throw nb::value_error("control: of as many robots");
+    if (control.num_threads < self.sim.num_threads()) throw nb::value_error("control: of as many threads");
     const nb::gil_scoped_release release;
-    self.sim.plan(out.data());
+    self.sim.plan(control.native, out.data());
 }
 
 } // namespace
@@ -150,21 +153,12 @@ void bind_batch_sim(nb::module_ &m) {
         .def(nb::new_(&make_robot), nb::arg("radius_m"), nb::arg("footprint").noconvert(), nb::arg("speed_limits"),
              nb::arg("num_beams"), nb::arg("angle_min_rad"), nb::arg("angle_increment_rad"), nb::arg("mount"),
              nb::arg("max_range_m"), nb::arg("dt_s"));
-    nb::class_<DwaConfig>(m, "DwaConfig")
-        .def(nb::init<>())
-        .def_rw("horizon_s", &DwaConfig::horizon_s)
-        .def_rw("margin_m", &DwaConfig::margin_m)
-        .def_rw("comfort_m", &DwaConfig::comfort_m)
-        .def_rw("comfort_weight", &DwaConfig::comfort_weight)
-        .def_rw("heading_weight", &DwaConfig::heading_weight)
-        .def_rw("hit_weight", &DwaConfig::hit_weight);
     nb::class_<SimConfig>(m, "SimConfig")
         .def(nb::init<>())
         .def_rw("clearance_limit_m", &SimConfig::clearance_limit)
         .def_rw("lookahead_m", &SimConfig::lookahead)
-        .def_rw("dwa_lookahead_m", &SimConfig::dwa_lookahead)
-        .def_rw("waypoint_is_given", &SimConfig::waypoint_is_given)
-        .def_rw("dwa", &SimConfig::dwa);
+        .def_rw("search_m", &SimConfig::search)
+        .def_rw("waypoint_is_given", &SimConfig::waypoint_is_given);
     nb::class_<BoundGuide>(m, "PathGuide")
         .def(nb::new_(&make_guide), nb::arg("world"), nb::arg("robot"), nb::arg("config"), nb::arg("path").noconvert())
         .def("follow", &BoundGuide::follow, nb::arg("x_m"), nb::arg("y_m"));
@@ -176,7 +170,7 @@ void bind_batch_sim(nb::module_ &m) {
         .def("reset", &reset, nb::arg("mask").noconvert())
         .def("step", &step)
         .def("follow", &follow, nb::arg("before").noconvert())
-        .def("plan", &plan, nb::arg("out").noconvert());
+        .def("plan", &plan, nb::arg("control"), nb::arg("out").noconvert());
     m.attr("NUM_PARAMS") = static_cast<int>(kNumParams);
     m.attr("MEMORY_SIZE") = kMemory;
     m.attr("MAX_LATENCY_PERIODS") = kHistory - 1;

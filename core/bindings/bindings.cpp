@@ -177,6 +177,7 @@ void motion_cue_many(const MotionCue &cue, const In<float, nb::shape<-1, -1>> &r
 
 void bind_batch_sim(nb::module_ &m);
 void bind_braking(nb::module_ &m);
+void bind_control(nb::module_ &m);
 void bind_misfit(nb::module_ &m);
 void bind_replanner(nb::module_ &m);
 
@@ -202,6 +203,7 @@ NB_MODULE(_core, m) {
              nb::arg("mount"), nb::arg("max_range_m"), nb::arg("num_sectors"), nb::arg("margin_m"), nb::arg("scale_m"))
         .def("compute", &motion_cue_many, nb::arg("ranges").noconvert(), nb::arg("poses").noconvert(),
              nb::arg("past_ranges").noconvert(), nb::arg("past_poses").noconvert(), nb::arg("out").noconvert());
+    bind_control(m);
     bind_batch_sim(m);
     bind_braking(m);
     bind_misfit(m);

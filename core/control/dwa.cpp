@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "planning/path_guide.hpp"
+
 namespace adrl {
 namespace {
 
@@ -13,18 +15,9 @@ constexpr int kLeastSamples = 10; // poses along an arc
 constexpr int kMostSamples = 64;
 constexpr int kCandidates = 128;
 static_assert(kSpeeds * kYawRates <= kCandidates && kCandidates % 16 == 0);
-constexpr int kMaxLocal = 256; // obstacles of a kind near the robot; where there are more, it looks less far
-constexpr int kMaxCover = 4;
 constexpr float kArrived = 0.1F; // metres from the target
 
-// Everything below is in metres relative to the robot's position, axes of the world, in single precision.
-struct Local {
-    float cx[kMaxLocal], cy[kMaxLocal], cr[kMaxLocal];
-    float ax[kMaxLocal], ay[kMaxLocal], ex[kMaxLocal], ey[kMaxLocal], inverse[kMaxLocal];
-    int circles = 0;
-    int segments = 0;
-};
-
+// Metres relative to the robot's position, axes of the world, in single precision.
 struct Arcs {
     alignas(64) float v[kCandidates], w[kCandidates];
     alignas(64) float x[kCandidates], y[kCandidates];           // position at the current sample
@@ -39,77 +32,6 @@ struct Arcs {
     alignas(64) float nearest[kCandidates]; // least distance to the target so far
     alignas(64) float away[kCandidates];    // sum of `nearest` over the samples
 };
-
-// Discs along the footprint's longer axis that together cover it.
-struct Cover {
-    float x[kMaxCover], y[kMaxCover];
-    float radius;
-    int count;
-};
-
-Cover cover_of(const Footprint &footprint) {
-    if (footprint.is_disc()) return {{0.0F}, {0.0F}, static_cast<float>(footprint.radius), 1};
-    Vec2 low{kFarAway, kFarAway};
-    Vec2 high{-kFarAway, -kFarAway};
-    for (const Vec2 &c : footprint.corners) {
-        low = {std::min(low.x, c.x), std::min(low.y, c.y)};
-        high = {std::max(high.x, c.x), std::max(high.y, c.y)};
-    }
-    const Vec2 size = high - low;
-    const bool along_x = size.x >= size.y;
-    const double longer = std::max(size.x, size.y);
-    const double shorter = std::min(size.x, size.y);
-    Cover cover{};
-    cover.count = std::clamp(static_cast<int>(std::ceil(longer / shorter)), 2, kMaxCover);
-    const double piece = longer / cover.count;
-    cover.radius = static_cast<float>(0.5 * std::hypot(piece, shorter));
-    for (int i = 0; i < cover.count; ++i) {
-        const double along = -0.5 * longer + (i + 0.5) * piece;
-        cover.x[i] = static_cast<float>(0.5 * (low.x + high.x) + (along_x ? along : 0.0));
-        cover.y[i] = static_cast<float>(0.5 * (low.y + high.y) + (along_x ? 0.0 : along));
-    }
-    return cover;
-}
-
-// False when there are more within reach than fit.
-bool gather_segments(const Segments &segments, const Pose &pose, double reach, Local &local) {
-    for (int i = 0; i < segments.count; ++i) {
-        const Vec2 a{segments.ax[i] - pose.x, segments.ay[i] - pose.y};
-        const Vec2 b{segments.bx[i] - pose.x, segments.by[i] - pose.y};
-        // A quick look at the bounding box first.
-        if (std::min(a.x, b.x) > reach || std::max(a.x, b.x) < -reach || std::min(a.y, b.y) > reach ||
-            std::max(a.y, b.y) < -reach || origin_to_segment(a, b) > reach) {
-            continue;
-        }
-        if (local.segments == kMaxLocal) return false;
-        const int k = local.segments++;
-        const Vec2 e = b - a;
-        local.ax[k] = static_cast<float>(a.x);
-        local.ay[k] = static_cast<float>(a.y);
-        local.ex[k] = static_cast<float>(e.x);
-        local.ey[k] = static_cast<float>(e.y);
-        local.inverse[k] = static_cast<float>(1.0 / (dot(e, e) + 1e-12));
-    }
-    return true;
-}
-
-bool gather(const World &world, const Pose &pose, double reach, Local &local) {
-    const Circles &circles = world.circles();
-    local.circles = 0;
-    local.segments = 0;
-    for (int i = 0; i < circles.count; ++i) {
-        const double dx = circles.x[i] - pose.x;
-        const double dy = circles.y[i] - pose.y;
-        const double far = reach + circles.radius[i];
-        if (dx * dx + dy * dy > far * far) continue;
-        if (local.circles == kMaxLocal - kMaxDiscs) return false; // moving discs join them later
-        const int k = local.circles++;
-        local.cx[k] = static_cast<float>(dx);
-        local.cy[k] = static_cast<float>(dy);
-        local.cr[k] = static_cast<float>(circles.radius[i]);
-    }
-    return gather_segments(world.walls(), pose, reach, local) && gather_segments(world.edges(), pose, reach, local);
-}
 
 void fill_arcs(Arcs &arcs, const DriveLimits &limits, const Pose &pose, const Twist &twist, double dt_s,
                double sample_s, float target_distance, bool sweeps) {
@@ -175,89 +97,132 @@ ADRL_CLONES void step_arcs(Arcs &arcs) {
         arcs.y[i] += arcs.chord[i] * (hx * arcs.mid_s[i] + hy * arcs.mid_c[i]);
         arcs.hx[i] = hx * arcs.turn_c[i] - hy * arcs.turn_s[i];
         arcs.hy[i] = hx * arcs.turn_s[i] + hy * arcs.turn_c[i];
-        arcs.clear[i] = 1e9F;
     }
 }
 
-// Lowers arcs.clear by the distance from a covering disc's centre to each obstacle.
-ADRL_CLONES void lower_clear(Arcs &arcs, const Local &local, float offset_x, float offset_y) {
-    alignas(64) float px[kCandidates];
-    alignas(64) float py[kCandidates];
+struct Box {
+    float x_min, x_max, y_min, y_max;
+};
+
+// Around the robot's centre on all arcs at the current sample.
+ADRL_CLONES Box box_of(const Arcs &arcs) {
+    Box box{arcs.x[0], arcs.x[0], arcs.y[0], arcs.y[0]};
+    for (int i = 1; i < kCandidates; ++i) {
+        box.x_min = arcs.x[i] < box.x_min ? arcs.x[i] : box.x_min;
+        box.x_max = arcs.x[i] > box.x_max ? arcs.x[i] : box.x_max;
+        box.y_min = arcs.y[i] < box.y_min ? arcs.y[i] : box.y_min;
+        box.y_max = arcs.y[i] > box.y_max ? arcs.y[i] : box.y_max;
+    }
+    return box;
+}
+
+// Whether a capsule may come within `reach` of a point of the box.
+bool near_box(const NearObstacles &all, int k, const Box &box, float reach) {
+    const float far = reach + all.radius[k];
+    const float bx = all.ax[k] + all.ex[k];
+    const float by = all.ay[k] + all.ey[k];
+    return std::min(all.ax[k], bx) <= box.x_max + far && std::max(all.ax[k], bx) >= box.x_min - far &&
+           std::min(all.ay[k], by) <= box.y_max + far && std::max(all.ay[k], by) >= box.y_min - far;
+}
+
+// Lowers arcs.clear to the distance from a disc's edge to a capsule.
+ADRL_CLONES void lower_disc(Arcs &arcs, float disc, float ax, float ay, float ex, float ey, float inverse,
+                            float radius) {
     for (int i = 0; i < kCandidates; ++i) {
-        px[i] = arcs.x[i] + offset_x * arcs.hx[i] - offset_y * arcs.hy[i];
-        py[i] = arcs.y[i] + offset_x * arcs.hy[i] + offset_y * arcs.hx[i];
-    }
-    for (int k = 0; k < local.circles; ++k) {
-        const float cx = local.cx[k];
-        const float cy = local.cy[k];
-        const float cr = local.cr[k];
-        for (int i = 0; i < kCandidates; ++i) {
-            const float dx = px[i] - cx;
-            const float dy = py[i] - cy;
-            const float d = std::sqrt(dx * dx + dy * dy) - cr;
-            arcs.clear[i] = d < arcs.clear[i] ? d : arcs.clear[i];
-        }
-    }
-    for (int k = 0; k < local.segments; ++k) {
-        const float ax = local.ax[k];
-        const float ay = local.ay[k];
-        const float ex = local.ex[k];
-        const float ey = local.ey[k];
-        const float inverse = local.inverse[k];
-        for (int i = 0; i < kCandidates; ++i) {
-            const float rx = px[i] - ax;
-            const float ry = py[i] - ay;
-            float u = (rx * ex + ry * ey) * inverse;
-            u = u < 0.0F ? 0.0F : u;
-            u = u > 1.0F ? 1.0F : u;
-            const float dx = rx - u * ex;
-            const float dy = ry - u * ey;
-            const float d = std::sqrt(dx * dx + dy * dy);
-            arcs.clear[i] = d < arcs.clear[i] ? d : arcs.clear[i];
-        }
+        const float rx = arcs.x[i] - ax;
+        const float ry = arcs.y[i] - ay;
+        float u = (rx * ex + ry * ey) * inverse;
+        u = u < 0.0F ? 0.0F : u;
+        u = u > 1.0F ? 1.0F : u;
+        const float dx = rx - u * ex;
+        const float dy = ry - u * ey;
+        const float d = std::sqrt(dx * dx + dy * dy) - radius - disc;
+        arcs.clear[i] = d < arcs.clear[i] ? d : arcs.clear[i];
     }
 }
 
-// Distance from p to the bitmap's solid cells: interpolated between cell centres, less half a cell because the centre
-// of a solid cell is not its border. That is good to about half a cell, so below `exact_below` it is measured.
-float bitmap_clear(const Bitmap &bitmap, Vec2 p, double exact_below) {
-    const Vec2 cell = bitmap.to_cells(p);
-    const double x = std::clamp(cell.x - 0.5, 0.0, bitmap.width - 1.001);
-    const double y = std::clamp(cell.y - 0.5, 0.0, bitmap.height - 1.001);
-    const auto x0 = static_cast<int>(x);
-    const auto y0 = static_cast<int>(y);
-    const int x1 = std::min(x0 + 1, bitmap.width - 1);
-    const int y1 = std::min(y0 + 1, bitmap.height - 1);
-    const double fx = x - x0;
-    const double fy = y - y0;
-    const auto at = [&](int column, int row) -> double {
-        return bitmap.distance[static_cast<std::size_t>(row) * bitmap.width + column];
-    };
-    const double below = at(x0, y0) + fx * (at(x1, y0) - at(x0, y0));
-    const double above = at(x0, y1) + fx * (at(x1, y1) - at(x0, y1));
-    const double rough = (below + fy * (above - below) - 0.5) * bitmap.resolution;
-    if (rough > exact_below + 0.5 * bitmap.resolution) return static_cast<float>(rough);
-    return static_cast<float>(point_to_bitmap(bitmap, p, exact_below + bitmap.resolution));
+struct Edge { // of a polygon in the robot's frame: a corner, the way to the next one, and the normal that points out
+    float x, y, ex, ey, inverse, nx, ny;
+};
+
+// The distance from a convex polygon to a segment, a lane an arc: the least of those from the ends to the edges and
+// from the corners to the segment, and 0 where no edge and not the segment separates them.
+struct Lanes {
+    alignas(64) float ax[kCandidates], ay[kCandidates], bx[kCandidates], by[kCandidates]; // ends in the robot's frame
+    alignas(64) float apart[kCandidates];                  // greatest separation along a normal so far
+    alignas(64) float low[kCandidates], high[kCandidates]; // corners' places across the segment's line, times |e|
+    alignas(64) float least[kCandidates];                  // squared distance
+};
+
+ADRL_CLONES void begin_lanes(const Arcs &arcs, Lanes &lanes, float ax, float ay, float ex, float ey) {
+    for (int i = 0; i < kCandidates; ++i) {
+        const float rx = ax - arcs.x[i];
+        const float ry = ay - arcs.y[i];
+        lanes.ax[i] = arcs.hx[i] * rx + arcs.hy[i] * ry;
+        lanes.ay[i] = arcs.hx[i] * ry - arcs.hy[i] * rx;
+        lanes.bx[i] = lanes.ax[i] + (arcs.hx[i] * ex + arcs.hy[i] * ey);
+        lanes.by[i] = lanes.ay[i] + (arcs.hx[i] * ey - arcs.hy[i] * ex);
+        lanes.apart[i] = -1e9F;
+        lanes.low[i] = 1e9F;
+        lanes.high[i] = -1e9F;
+        lanes.least[i] = 1e18F;
+    }
 }
 
-void lower_clear_by_bitmap(Arcs &arcs, const Bitmap &bitmap, const Pose &pose, float offset_x, float offset_y,
-                           double exact_below) {
-    for (int i = 0; i < kSpeeds * kYawRates; ++i) {
-        const Vec2 p{pose.x + arcs.x[i] + offset_x * arcs.hx[i] - offset_y * arcs.hy[i],
-                     pose.y + arcs.y[i] + offset_x * arcs.hy[i] + offset_y * arcs.hx[i]};
-        arcs.clear[i] = std::min(arcs.clear[i], bitmap_clear(bitmap, p, exact_below));
+ADRL_INLINE float squared_to_edge(const Edge &edge, float px, float py) {
+    const float rx = px - edge.x;
+    const float ry = py - edge.y;
+    float u = (rx * edge.ex + ry * edge.ey) * edge.inverse;
+    u = u < 0.0F ? 0.0F : u;
+    u = u > 1.0F ? 1.0F : u;
+    const float dx = rx - u * edge.ex;
+    const float dy = ry - u * edge.ey;
+    return dx * dx + dy * dy;
+}
+
+ADRL_CLONES void add_edge(Lanes &lanes, const Edge &edge, float inverse) {
+    for (int i = 0; i < kCandidates; ++i) {
+        const float ax = lanes.ax[i], ay = lanes.ay[i], bx = lanes.bx[i], by = lanes.by[i];
+        const float out_a = edge.nx * (ax - edge.x) + edge.ny * (ay - edge.y);
+        const float out_b = edge.nx * (bx - edge.x) + edge.ny * (by - edge.y);
+        const float out = out_a < out_b ? out_a : out_b;
+        lanes.apart[i] = out > lanes.apart[i] ? out : lanes.apart[i];
+        const float from_a = squared_to_edge(edge, ax, ay);
+        const float from_b = squared_to_edge(edge, bx, by);
+        // The corner to the segment, and on which side of its line it lies.
+        const float sx = bx - ax, sy = by - ay;
+        const float rx = edge.x - ax, ry = edge.y - ay;
+        const float side = sx * ry - sy * rx;
+        lanes.low[i] = side < lanes.low[i] ? side : lanes.low[i];
+        lanes.high[i] = side > lanes.high[i] ? side : lanes.high[i];
+        float u = (rx * sx + ry * sy) * inverse;
+        u = u < 0.0F ? 0.0F : u;
+        u = u > 1.0F ? 1.0F : u;
+        const float dx = rx - u * sx, dy = ry - u * sy;
+        float least = dx * dx + dy * dy;
+        least = from_a < least ? from_a : least;
+        least = from_b < least ? from_b : least;
+        lanes.least[i] = least < lanes.least[i] ? least : lanes.least[i];
+    }
+}
+
+ADRL_CLONES void end_lanes(Arcs &arcs, const Lanes &lanes, float radius) {
+    for (int i = 0; i < kCandidates; ++i) {
+        const bool overlap = (lanes.apart[i] <= 0.0F) & (lanes.low[i] <= 0.0F) & (lanes.high[i] >= 0.0F);
+        const float d = (overlap ? 0.0F : std::sqrt(lanes.least[i])) - radius;
+        arcs.clear[i] = d < arcs.clear[i] ? d : arcs.clear[i];
     }
 }
 
 // An arc counts until it has come as near to the target as it will: beyond that the next decisions take over, as long
 // as the robot can still brake.
-ADRL_CLONES void score_sample(Arcs &arcs, float radius, float margin, float time_s, float gx, float gy) {
+ADRL_CLONES void score_sample(Arcs &arcs, float margin, float time_s, float gx, float gy) {
     for (int i = 0; i < kCandidates; ++i) {
         const float dx = arcs.x[i] - gx;
         const float dy = arcs.y[i] - gy;
         const float distance = std::sqrt(dx * dx + dy * dy);
         const bool counts = (distance <= arcs.nearest[i]) | (time_s <= arcs.brake_s[i]);
-        const float clear = counts ? arcs.clear[i] - radius : arcs.least[i];
+        const float clear = counts ? arcs.clear[i] : arcs.least[i];
         const bool hits = (clear < margin) & (arcs.hit_s[i] > 1e8F) & counts;
         arcs.hit_s[i] = hits ? time_s : arcs.hit_s[i];
         arcs.least[i] = clear < arcs.least[i] ? clear : arcs.least[i];
@@ -272,9 +237,9 @@ double longest_stop_s(const DriveLimits &limits, double dt_s) {
 }
 
 // Poses along an arc, so close that between two of them no corner gets deeper into the footprint than the margin.
-int samples_of(const Cover &cover, const DriveLimits &limits, const DwaConfig &config) {
-    const double margin = std::min<double>(config.margin_m, cover.radius);
-    const double spacing = 2.0 * std::sqrt(margin * (2.0 * cover.radius - margin)) + 1e-9;
+int samples_of(const Footprint &footprint, const DriveLimits &limits, const DwaConfig &config) {
+    const double margin = std::min(config.margin_m, footprint.radius);
+    const double spacing = 2.0 * std::sqrt(margin * (2.0 * footprint.radius - margin)) + 1e-9;
     const double length = std::max(limits.max_speed, -limits.min_speed) * config.horizon_s;
     return static_cast<int>(std::clamp<double>(std::ceil(length / spacing), kLeastSamples, kMostSamples));
 }
@@ -305,44 +270,90 @@ Twist best_arc(const Arcs &arcs, int samples, const DwaConfig &config, float gx,
     return best;
 }
 
+class Dwa final : public LocalController {
+  public:
+    explicit Dwa(const DwaConfig &config) : config_(config) {}
+
+    double reach(const Footprint &footprint, const DriveLimits &limits, double dt_s) const override {
+        const double speed = std::max(limits.max_speed, -limits.min_speed);
+        return speed * horizon_s(limits, dt_s) + footprint.radius + config_.comfort_m;
+    }
+
+    Twist command(const Situation &now, double *) override {
+        DwaConfig config = config_;
+        config.horizon_s = horizon_s(now.limits, now.dt_s);
+        const int samples = samples_of(now.footprint, now.limits, config);
+        const double sample_s = config.horizon_s / samples;
+        const Vec2 here{now.pose.x, now.pose.y};
+        const double corridor = now.footprint.radius + 0.5 * config.margin_m;
+        const Vec2 target = visible_waypoint(now.path, now.along, config.lookahead, [&](Vec2 point) {
+            return now.obstacles.corridor_free({}, point - here, corridor);
+        });
+        const auto gx = static_cast<float>(target.x - here.x);
+        const auto gy = static_cast<float>(target.y - here.y);
+        set_edges(now.footprint);
+        fill_arcs(arcs_, now.limits, now.pose, now.twist, now.dt_s, sample_s, std::sqrt(gx * gx + gy * gy),
+                  !now.footprint.is_disc());
+        // A robot that already stands closer than the margin must still be allowed to leave.
+        measure(now, 0.0);
+        const float margin = std::min(static_cast<float>(config.margin_m), 0.5F * std::max(arcs_.clear[0], 0.0F));
+        for (int k = 1; k <= samples; ++k) {
+            step_arcs(arcs_);
+            measure(now, k * sample_s);
+            score_sample(arcs_, margin, static_cast<float>(k * sample_s), gx, gy);
+        }
+        return best_arc(arcs_, samples, config, gx, gy);
+    }
+
+  private:
+    double horizon_s(const DriveLimits &limits, double dt_s) const {
+        return std::max(config_.horizon_s, longest_stop_s(limits, dt_s));
+    }
+
+    void set_edges(const Footprint &footprint) {
+        const auto count = footprint.corners.size();
+        for (std::size_t k = 0; k < count; ++k) {
+            const Vec2 a = footprint.corners[k];
+            const Vec2 e = footprint.corners[(k + 1) % count] - a;
+            const double length = norm(e);
+            edges_[k] = {static_cast<float>(a.x),
+                         static_cast<float>(a.y),
+                         static_cast<float>(e.x),
+                         static_cast<float>(e.y),
+                         static_cast<float>(1.0 / dot(e, e)),
+                         static_cast<float>(e.y / length),
+                         static_cast<float>(-e.x / length)};
+        }
+    }
+
+    // Clearances of the current sample, up to what makes a difference.
+    void measure(const Situation &now, double after_s) {
+        const auto limit = static_cast<float>(std::max(config_.comfort_m, 2.0 * config_.margin_m));
+        std::fill(arcs_.clear, arcs_.clear + kCandidates, limit);
+        NearObstacles &all = now.obstacles;
+        const int count = all.place_discs(after_s);
+        const Box box = box_of(arcs_);
+        const auto body = static_cast<float>(now.footprint.radius);
+        for (int k = 0; k < count; ++k) {
+            if (!near_box(all, k, box, body + limit)) continue;
+            if (now.footprint.is_disc()) {
+                lower_disc(arcs_, body, all.ax[k], all.ay[k], all.ex[k], all.ey[k], all.inverse[k], all.radius[k]);
+                continue;
+            }
+            begin_lanes(arcs_, lanes_, all.ax[k], all.ay[k], all.ex[k], all.ey[k]);
+            for (std::size_t e = 0; e < now.footprint.corners.size(); ++e) add_edge(lanes_, edges_[e], all.inverse[k]);
+            end_lanes(arcs_, lanes_, all.radius[k]);
+        }
+    }
+
+    DwaConfig config_;
+    Arcs arcs_;
+    Lanes lanes_;
+    Edge edges_[kMaxCorners];
+};
+
 } // namespace
 
-Twist dwa_command(const World &world, const Footprint &footprint, const DriveLimits &limits, const DwaConfig &asked,
-                  const Pose &pose, const Twist &twist, Vec2 target, double time_s, double dt_s) {
-    DwaConfig config = asked;
-    config.horizon_s = std::max(asked.horizon_s, longest_stop_s(limits, dt_s));
-    const Cover cover = cover_of(footprint);
-    const int samples = samples_of(cover, limits, config);
-    const double sample_s = config.horizon_s / samples;
-    const auto gx = static_cast<float>(target.x - pose.x);
-    const auto gy = static_cast<float>(target.y - pose.y);
-    Local local;
-    const double speed = std::max(limits.max_speed, -limits.min_speed);
-    double reach = speed * config.horizon_s + footprint.radius + config.comfort_m;
-    while (!gather(world, pose, reach, local) && reach > footprint.radius) reach *= 0.8;
-    const int still = local.circles;
-    // A robot that already stands closer than the margin must still be allowed to leave.
-    const double start = clearance(world, DiscPlaces(world, time_s), footprint, pose, config.margin_m * 2.0);
-    const auto margin = static_cast<float>(std::min(config.margin_m, 0.5 * std::max(start, 0.0)));
-    Arcs arcs;
-    fill_arcs(arcs, limits, pose, twist, dt_s, sample_s, std::sqrt(gx * gx + gy * gy), !footprint.is_disc());
-    for (int k = 1; k <= samples; ++k) {
-        step_arcs(arcs);
-        const DiscPlaces discs(world, time_s + k * sample_s);
-        local.circles = still;
-        for (int i = 0; i < discs.count; ++i, ++local.circles) {
-            local.cx[local.circles] = static_cast<float>(discs.x[i] - pose.x);
-            local.cy[local.circles] = static_cast<float>(discs.y[i] - pose.y);
-            local.cr[local.circles] = static_cast<float>(discs.radius[i]);
-        }
-        for (int i = 0; i < cover.count; ++i) {
-            lower_clear(arcs, local, cover.x[i], cover.y[i]);
-            if (world.bitmap().empty()) continue;
-            lower_clear_by_bitmap(arcs, world.bitmap(), pose, cover.x[i], cover.y[i], cover.radius + config.margin_m);
-        }
-        score_sample(arcs, cover.radius, margin, static_cast<float>(k * sample_s), gx, gy);
-    }
-    return best_arc(arcs, samples, config, gx, gy);
-}
+std::unique_ptr<LocalController> make_dwa(const DwaConfig &config) { return std::make_unique<Dwa>(config); }
 
 } // namespace adrl

@@ -111,20 +111,6 @@ double to_point(const Polygon &polygon, Vec2 p) {
     return least;
 }
 
-bool segments_cross(Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
-    const double c_side = cross(b - a, c - a);
-    const double d_side = cross(b - a, d - a);
-    const double a_side = cross(d - c, a - c);
-    const double b_side = cross(d - c, b - c);
-    return c_side * d_side <= 0.0 && a_side * b_side <= 0.0 && (c_side != 0.0 || d_side != 0.0);
-}
-
-double segment_to_segment(Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
-    if (segments_cross(a, b, c, d)) return 0.0;
-    return std::min({origin_to_segment(a - c, b - c), origin_to_segment(a - d, b - d), origin_to_segment(c - a, d - a),
-                     origin_to_segment(c - b, d - b)});
-}
-
 // 0 when they overlap.
 double to_segment(const Polygon &polygon, Vec2 a, Vec2 b) {
     if (inside(polygon, a)) return 0.0;

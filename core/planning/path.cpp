@@ -4,7 +4,9 @@
 
 namespace adrl {
 
-Path::Path(std::span<const double> points) {
+void Path::assign(std::span<const double> points) {
+    points_.clear();
+    along_.clear();
     for (std::size_t i = 0; i + 1 < points.size(); i += 2) {
         const Vec2 p{points[i], points[i + 1]};
         along_.push_back(points_.empty() ? 0.0 : along_.back() + norm(p - points_.back()));

@@ -10,8 +10,11 @@ namespace adrl {
 
 class Path {
   public:
+    Path() = default;
     // Corner points x0, y0, x1, y1, ...; at least one.
-    explicit Path(std::span<const double> points);
+    explicit Path(std::span<const double> points) { assign(points); }
+    // Other points; allocates for the first so many only.
+    void assign(std::span<const double> points);
 
     double length() const { return along_.back(); }
     // Point at arc length s, clamped to the ends.

@@ -22,7 +22,14 @@ struct Guided {
 Guided follow_path(const World &world, const Path &path, const GuideRules &rules, Vec2 p, double along);
 
 // The farthest of some points up to `lookahead` ahead that the robot can go to in a straight line: a local planner
-// cannot get stuck on the way to it.
-Vec2 visible_waypoint(const World &world, const Path &path, double corridor, Vec2 from, double along, double lookahead);
+// cannot get stuck on the way to it. is_free(point): whether the line from the robot to it is.
+template <class Free>
+Vec2 visible_waypoint(const Path &path, double along, double lookahead, const Free &is_free) {
+    for (const double part : {1.0, 0.75, 0.55, 0.4, 0.3, 0.2}) {
+        const Vec2 target = path.at(along + part * lookahead);
+        if (is_free(target)) return target;
+    }
+    return path.at(along + 0.15 * lookahead);
+}
 
 } // namespace adrl

@@ -76,20 +76,20 @@ void BatchSim::follow(const double *before) {
     });
 }
 
-void BatchSim::plan(double *out) {
-    pool_.run(num_envs_, [&](int first, int last) {
+void BatchSim::plan(LocalControl &control, double *out) {
+    const auto plan_one = [&](int i) {
+        const Task &task = *tasks_[i];
+        const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
+        const Twist command =
+            control.in_world(i, *task.world, task.path, b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory], limits,
+                             load_pose(b_.pose + 3 * i), {b_.twist[2 * i], b_.twist[2 * i + 1]}, b_.time[i]);
+        out[2 * i] = command.v;
+        out[2 * i + 1] = command.w;
+    };
+    // What the pool is given holds two pointers: more would be allocated.
+    pool_.run(num_envs_, [this, &plan_one](int first, int last) {
         for (int i = first; i < last; ++i) {
-            if (!b_.active[i] || !tasks_[i]) continue;
-            const Task &task = *tasks_[i];
-            const Pose pose = load_pose(b_.pose + 3 * i);
-            const double along = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
-            const Vec2 target = visible_waypoint(*task.world, task.path, rules_.corridor, {pose.x, pose.y}, along,
-                                                 config_.dwa_lookahead);
-            const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
-            const Twist command = dwa_command(*task.world, robot_.footprint, limits, config_.dwa, pose,
-                                              {b_.twist[2 * i], b_.twist[2 * i + 1]}, target, b_.time[i], robot_.dt_s);
-            out[2 * i] = command.v;
-            out[2 * i + 1] = command.w;
+            if (b_.active[i] && tasks_[i]) plan_one(i);
         }
     });
 }
@@ -218,8 +218,8 @@ void BatchSim::guide(int i) {
 }
 
 GuideRules guide_rules(const Footprint &footprint, const SimConfig &config) {
-    return {config.lookahead, 2.0 * std::max(config.lookahead, config.dwa_lookahead),
-            footprint.radius + 0.5 * config.dwa.margin_m};
+    constexpr double kMargin = 0.015; // metres beside the robot on the straight line to its waypoint
+    return {config.lookahead, config.search, footprint.radius + kMargin};
 }
 
 } // namespace adrl

@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "control/dwa.hpp"
+#include "control/local_control.hpp"
 #include "drive/collision.hpp"
 #include "drive/kinematics.hpp"
 #include "planning/path.hpp"
@@ -76,11 +76,10 @@ struct SimBuffers {
 };
 
 struct SimConfig {
-    double clearance_limit = 1.0; // clearances are reported up to this, metres
-    double lookahead = 1.5;       // of the waypoint, metres along the path; 0 leaves the waypoint at the goal
-    double dwa_lookahead = 1.0;
+    double clearance_limit = 1.0;   // clearances are reported up to this, metres
+    double lookahead = 1.5;         // of the waypoint, metres along the path; 0 leaves the waypoint at the goal
+    double search = 3.0;            // robots are looked for so far ahead of where they were on their paths
     bool waypoint_is_given = false; // others write the waypoints: a replanner
-    DwaConfig dwa;
 };
 
 // How robots of this footprint are led along their paths.
@@ -100,8 +99,8 @@ class BatchSim {
     // For robots that something else has moved, from the poses before (N, 3) to those in the buffers: whether the
     // active ones have arrived, their clearance and their guidance. Senses nothing; whether they hit, the other tells.
     void follow(const double *before);
-    // A*+DWA: a command for every active robot into out (N, 2), along its path with full knowledge of its world.
-    void plan(double *out);
+    // A command for every active robot into out (N, 2), along its path with full knowledge of its world.
+    void plan(LocalControl &control, double *out);
 
   private:
     void reset_one(int i);

@@ -30,6 +30,7 @@ class SimFixture {
         : command(2 * n, 0.4), params(kNumParams * n), pose(3 * n), odometry(3 * n), twist(2 * n), clearance(n),
           least(n), waypoint(2 * n), route_left(n), time(n), travelled(n), memory(kMemory * n), plans(2 * n),
           ranges(static_cast<std::size_t>(kBeams) * n), active(n, 1), reached(n), collided(n), mask(n, 1), seed(n),
+          control(n, num_threads, {robot(polygon).footprint, DriveLimits{}, 0.1, true, DwaConfig{}}, nullptr),
           sim(n, num_threads, robot(polygon), SimConfig{}, buffers()) {
         const auto world = crowded_world();
         for (int i = 0; i < n; ++i) {
@@ -52,7 +53,7 @@ class SimFixture {
     // Plans, does as planned, and starts again half of the robots now and then.
     void run(int steps) {
         for (int k = 0; k < steps; ++k) {
-            sim.plan(plans.data());
+            sim.plan(control, plans.data());
             std::copy(plans.begin(), plans.end(), command.begin());
             sim.step();
             for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = (i + k) % 2 == 0;
@@ -66,6 +67,7 @@ class SimFixture {
     std::vector<float> ranges;
     std::vector<std::uint8_t> active, reached, collided, mask;
     std::vector<std::uint64_t> seed;
+    LocalControl control;
     BatchSim sim;
 
   private:

@@ -1,6 +1,7 @@
 // Points, poses and angles shared by every room.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -74,6 +75,21 @@ ADRL_INLINE double origin_to_segment(Vec2 a, Vec2 b) {
     double u = length2 > 0.0 ? -dot(a, e) / length2 : 0.0;
     u = u < 0.0 ? 0.0 : (u > 1.0 ? 1.0 : u);
     return norm(a + u * e);
+}
+
+inline bool segments_cross(Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
+    const double c_side = cross(b - a, c - a);
+    const double d_side = cross(b - a, d - a);
+    const double a_side = cross(d - c, a - c);
+    const double b_side = cross(d - c, b - c);
+    return c_side * d_side <= 0.0 && a_side * b_side <= 0.0 && (c_side != 0.0 || d_side != 0.0);
+}
+
+// Distance between the segments a-b and c-d; 0 where they cross.
+inline double segment_to_segment(Vec2 a, Vec2 b, Vec2 c, Vec2 d) {
+    if (segments_cross(a, b, c, d)) return 0.0;
+    const double to_cd = std::min(origin_to_segment(c - a, d - a), origin_to_segment(c - b, d - b));
+    return std::min({to_cd, origin_to_segment(a - c, b - c), origin_to_segment(a - d, b - d)});
 }
 
 } // namespace adrl

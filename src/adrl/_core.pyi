@@ -109,8 +109,9 @@ class Robot:
     ) -> None: ...
 
 class DwaConfig:
-    """Horizon and weights of the dynamic window approach; see dwa.hpp for their meaning."""
+    """The dynamic window approach; see dwa.hpp for the meaning of its constants."""
 
+    lookahead_m: float
     horizon_s: float
     margin_m: float
     comfort_m: float
@@ -118,15 +119,33 @@ class DwaConfig:
     heading_weight: float
     hit_weight: float
 
+def control_memory(controller: DwaConfig) -> int:
+    """M: numbers that such a controller remembers of a robot."""
+
+class LocalControl:
+    """Local controllers of N robots; see local_control.hpp. response: greatest acceleration and yaw acceleration,
+    lag_s. foresee: in a known world moving discs are where they will be; otherwise they stand where they are.
+    buffers: memory (N, M), zeros for robots that have just started. For simulators of at most num_threads threads."""
+    def __init__(
+        self,
+        num_robots: int,
+        num_threads: int,
+        robot: Robot,
+        response: tuple[float, float, float],
+        controller: DwaConfig,
+        foresee: bool,
+        buffers: dict[str, NDArray[Any]],
+    ) -> None: ...
+
 class SimConfig:
     clearance_limit_m: float
     """Clearances are reported up to this."""
     lookahead_m: float
     """Of the waypoint along the path; 0 leaves the waypoint at the goal."""
-    dwa_lookahead_m: float
+    search_m: float
+    """Robots are looked for so far ahead of where they were on their paths."""
     waypoint_is_given: bool
     """The simulator leaves the waypoints alone: a replanner writes them."""
-    dwa: DwaConfig
 
 class PathGuide:
     """Leads one robot along a path (P, 2) as BatchSim leads its own; remembers how far it has come."""
@@ -157,8 +176,8 @@ class BatchSim:
     def follow(self, before: F64) -> None:
         """For robots that something else moved from the poses before (N, 3) to those in the buffers: whether the active
         ones have arrived, their clearance and guidance."""
-    def plan(self, out: F64) -> None:
-        """A*+DWA: write a command (v, w) for every active robot into out (N, 2)."""
+    def plan(self, control: LocalControl, out: F64) -> None:
+        """Write a command (v, w) for every active robot, along its path in its known world, into out (N, 2)."""
 
 class Braking:
     """How a base responds to commands and comes to rest; see braking.hpp. response: greatest acceleration and yaw

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl import _core
+from adrl.planning.local_control import LocalControl, dwa_config
 from adrl.types import Array, LidarConfig, RobotConfig, Task, World
 
 Buffers = dict[str, NDArray[Any]]
@@ -94,6 +95,7 @@ class Fleet:
         self.b["seed"][:] = np.arange(n) + 7
         self.b["active"][:] = 1
         self.sim = _core.BatchSim(n, num_threads, robot.native, config or _core.SimConfig(), self.b)
+        self.control = LocalControl(n, robot, dwa_config(robot), num_threads=self.sim.num_threads)
         for i, task in enumerate(tasks):
             self.sim.set_task(i, task.native)
 
@@ -111,7 +113,7 @@ class Fleet:
     def plan(self) -> Array:
         """(N, 2) commands of A*+DWA."""
         out = np.zeros((len(self.b["active"]), 2))
-        self.sim.plan(out)
+        self.sim.plan(self.control.native, out)
         return out
 
     def snapshot(self) -> Buffers:

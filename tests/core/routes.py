@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl import _core
+from adrl.planning.local_control import local_lookahead_m
 from adrl.types import Array, LidarConfig, OccupancyGrid, RobotConfig, Task, World
 from core.arenas import box
 from core.fleet import Fleet, a_task
@@ -94,7 +95,7 @@ def routes(robot: RobotConfig, count: int, seed: int, discs: int = 0, bitmap: bo
 def a_fleet(tasks: list[Task], robot: RobotConfig, **values: Any) -> Fleet:
     """Robots whose bases are as their configuration says."""
     config = _core.SimConfig()
-    config.dwa_lookahead_m = min(max(1.5 * robot.max_speed_mps, 0.5), 3.0)
+    config.search_m = 2.0 * max(config.lookahead_m, local_lookahead_m(robot))
     base: dict[str, Any] = dict(
         acceleration=robot.max_acceleration_mps2,
         yaw_acceleration=robot.max_yaw_acceleration_radps2,

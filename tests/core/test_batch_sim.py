@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from adrl import _core
+from adrl.planning.local_control import LocalControl, dwa_config
 from adrl.types import Array, Task
 from core.arenas import moved, random_world
 from core.fleet import EMPTY, OUTPUTS, WALLED, Fleet, a_robot, a_task, assert_equal_bytes, buffers
@@ -127,7 +128,7 @@ def test_inactive_rows_are_not_touched():
     fleet.b["active"][::2] = 0
     before = fleet.snapshot()
     out = np.full((N, 2), 99.0)
-    fleet.sim.plan(out)
+    fleet.sim.plan(fleet.control.native, out)
     assert np.all(out[::2] == 99.0)
     assert np.all(out[1::2] < 99.0)
     fleet.step(commands(0))
@@ -234,7 +235,7 @@ def test_buffers_of_the_wrong_kind_are_refused(name: str):
 
 
 def test_masks_and_outputs_of_the_wrong_kind_are_refused():
-    sim = make()
+    sim, control = make(), LocalControl(3, a_robot(), dwa_config(a_robot())).native
     for mask in (
         np.ones(3, dtype=bool),
         np.ones(3),
@@ -248,9 +249,12 @@ def test_masks_and_outputs_of_the_wrong_kind_are_refused():
         sim.reset(np.ones(2, dtype=np.uint8))
     for out in (np.ones((3, 2), np.float32), np.ones((3, 3)), np.ones((2, 3)).T, np.ones((6, 2))[::2]):
         with pytest.raises(TypeError):
-            sim.plan(out)  # pyright: ignore[reportArgumentType]
+            sim.plan(control, out)  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match="out"):
-        sim.plan(np.ones((2, 2)))
+        sim.plan(control, np.ones((2, 2)))
+    few = LocalControl(2, a_robot(), dwa_config(a_robot())).native
+    with pytest.raises(ValueError, match="control"):
+        sim.plan(few, np.ones((3, 2)))
 
 
 def test_a_command_that_is_not_finite_moves_nobody():

@@ -132,6 +132,26 @@ def test_a_path_through_walls_is_not_followed_into_them(name: str):
     assert not reached.all()
 
 
+@pytest.mark.parametrize("slack_m", [0.05, 0.1])
+def test_a_rectangle_drives_through_a_gap_that_its_footprint_fits(slack_m: float):
+    """Discs that together cover it would not."""
+    robot = ROBOTS["rectangle both ways"]
+    half = 0.5 * np.ptp(robot.polygon[:, 1]) + slack_m
+    walls = (box(3.0, 1.5 + half, 1.0, 1.5), box(3.0, -1.5 - half, 1.0, 1.5))
+    cells = np.ones((160, 40), np.uint8)
+    cells[(np.abs((np.arange(160) + 0.5) * 0.025 - 2.0) < half), :] = 0
+    grid = OccupancyGrid(solid=cells, resolution_m=0.025, origin=(2.0, -2.0, 0.0))
+    worlds_of = [
+        World(bounds=EMPTY.bounds, polygons=walls),
+        World(bounds=EMPTY.bounds, grid=grid),
+    ]
+    path = np.array([[0.0, 0.0], [6.0, 0.0]])
+    fleet = a_fleet([a_task(w, goal=(6.0, 0.0), path=path) for w in worlds_of], robot).reset()
+    reached, hit = drive(fleet, 150)
+    assert not hit.any()
+    assert reached.all()
+
+
 WALLS = {
     "segment": World(bounds=EMPTY.bounds, segments=np.array([[2.0, -3.0, 2.0, 3.0]])),
     "box": World(bounds=EMPTY.bounds, polygons=(box(2.01, 0.0, 0.01, 3.0),)),

@@ -16,6 +16,7 @@ from adrl.envs.randomization import NOMINAL, Randomization, draw_params
 from adrl.errors import ConfigError, UnknownName
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.observation.motion import ScanHistory
+from adrl.planning.local_control import LocalControl, dwa_config
 from adrl.planning.path_guide import sim_config
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
@@ -86,6 +87,7 @@ class NavSim:
         self.b = _buffers(num_envs, robot.lidar.num_beams)
         config = sim_config(robot, guidance)
         self.native = _core.BatchSim(num_envs, num_threads, robot.native, config, self.b)
+        self.expert = LocalControl(num_envs, robot, dwa_config(robot), num_threads=self.native.num_threads)
         self.replanner: Replanner | None = None
         if guidance == "replan":
             self.replanner = Replanner(
@@ -130,6 +132,7 @@ class NavSim:
         self.b["active"][indices] = 1
         self._last_action[indices] = to_action(np.zeros((1, 2)), self._taken_as)
         self.native.reset(mask)
+        self.expert.restart(indices)
         if self.body is not None:
             self.body.reset(indices, tasks, self.b)
         if self._history is not None:
@@ -207,8 +210,12 @@ class NavSim:
 
     def expert_actions(self) -> F32:
         """(N, 2) actions of A*+DWA in the current states. It knows the world and where discs will be."""
+        return self.planned_actions(self.expert)
+
+    def planned_actions(self, control: LocalControl) -> F32:
+        """(N, 2) actions of a local controller that knows the world, on the paths of the tasks."""
         command = np.zeros((self.num_envs, 2))
-        self.native.plan(command)
+        self.native.plan(control.native, command)
         return to_action(command, self._taken_as)
 
     def state(self) -> dict[str, NDArray[Any]]:

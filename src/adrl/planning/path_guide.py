@@ -8,6 +8,7 @@ from adrl import _core
 from adrl.errors import PlanningError
 from adrl.planning.global_planner import inscribed_radius_m, plan
 from adrl.planning.grid import FreeSpace, clearance_limit_m, free_space, planning_grid
+from adrl.planning.local_control import local_lookahead_m
 from adrl.types import Array, RobotConfig, World
 
 LOOKAHEAD_M = 1.5
@@ -19,7 +20,7 @@ def sim_config(robot: RobotConfig, guidance: str) -> "_core.SimConfig":
     config = _core.SimConfig()
     config.lookahead_m = LOOKAHEAD_M if guidance == "map" else 0.0
     config.waypoint_is_given = guidance == "replan"
-    config.dwa_lookahead_m = min(max(1.5 * robot.max_speed_mps, 0.5), 3.0)
+    config.search_m = 2.0 * max(config.lookahead_m, local_lookahead_m(robot))
     return config
 
 

@@ -1,0 +1,53 @@
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/variant.h>
+
+#include "arrays.hpp"
+#include "bound_control.hpp"
+#include "buffers.hpp"
+#include "sim/batch_sim.hpp"
+
+using namespace adrl;
+
+namespace {
+
+using Flat8 = In<std::uint8_t, nb::shape<-1>>;
+
+std::unique_ptr<BoundControl> make_control(int num_robots, int num_threads, const Robot &robot,
+                                           std::tuple<double, double, double> response,
+                                           const ControllerConfig &controller, bool foresee, nb::dict buffers) {
+    if (num_robots < 0 || num_threads < 1) throw nb::value_error("num_robots is negative or num_threads not positive");
+    const auto [acceleration, yaw_acceleration, lag_s] = response;
+    if (!(acceleration > 0.0 && yaw_acceleration > 0.0 && lag_s >= 0.0))
+        throw nb::value_error("response: give positive accelerations and a lag of 0 or more");
+    ControlSetup setup{robot.footprint, robot.limits, robot.dt_s, foresee, controller};
+    setup.limits.max_acceleration = acceleration;
+    setup.limits.max_yaw_acceleration = yaw_acceleration;
+    setup.limits.lag_s = lag_s;
+    const auto n = static_cast<std::size_t>(num_robots);
+    const auto size = static_cast<std::size_t>(make_controller(controller)->memory_size());
+    double *memory = buffer<double>(buffers, "memory", {n, size});
+    return std::unique_ptr<BoundControl>(new BoundControl{LocalControl(num_robots, num_threads, setup, memory),
+                                                          num_threads,
+                                                          nb::steal<nb::object>(PyDict_Copy(buffers.ptr()))});
+}
+
+} // namespace
+
+void bind_control(nb::module_ &m) {
+    nb::class_<DwaConfig>(m, "DwaConfig")
+        .def(nb::init<>())
+        .def_rw("lookahead_m", &DwaConfig::lookahead)
+        .def_rw("horizon_s", &DwaConfig::horizon_s)
+        .def_rw("margin_m", &DwaConfig::margin_m)
+        .def_rw("comfort_m", &DwaConfig::comfort_m)
+        .def_rw("comfort_weight", &DwaConfig::comfort_weight)
+        .def_rw("heading_weight", &DwaConfig::heading_weight)
+        .def_rw("hit_weight", &DwaConfig::hit_weight);
+    m.def(
+        "control_memory", [](const ControllerConfig &controller) { return make_controller(controller)->memory_size(); },
+        nb::arg("controller"));
+    nb::class_<BoundControl>(m, "LocalControl")
+        .def(nb::new_(&make_control), nb::arg("num_robots"), nb::arg("num_threads"), nb::arg("robot"),
+             nb::arg("response"), nb::arg("controller"), nb::arg("foresee"), nb::arg("buffers"));
+}

@@ -1,0 +1,35 @@
+// What every local controller is told, and what it answers. Each kind is a file beside this one.
+#pragma once
+
+#include "control/near_obstacles.hpp"
+#include "drive/collision.hpp"
+#include "drive/kinematics.hpp"
+#include "planning/path.hpp"
+
+namespace adrl {
+
+// One robot at one instant. Pose, path and obstacles are in one frame: the world's, or that of the robot's odometry.
+struct Situation {
+    NearObstacles &obstacles; // gathered within the controller's reach; the controller may place moving discs in it
+    const Footprint &footprint;
+    const DriveLimits &limits;
+    Pose pose;
+    Twist twist; // as the base executes it
+    const Path &path;
+    double along; // arc length of the path's point nearest to the robot
+    double dt_s;  // control period
+};
+
+class LocalController {
+  public:
+    virtual ~LocalController() = default;
+    // How far from the robot's position obstacles matter, metres.
+    virtual double reach(const Footprint &footprint, const DriveLimits &limits, double dt_s) const = 0;
+    // Numbers that it remembers of a robot from one decision to the next; all 0 for one that has just started.
+    virtual int memory_size() const { return 0; }
+    // The command for the next control period, within the limits. memory: memory_size() numbers of this robot. Owns
+    // scratch, so one thread at a time; the same situation and memory give the same bytes.
+    virtual Twist command(const Situation &now, double *memory) = 0;
+};
+
+} // namespace adrl

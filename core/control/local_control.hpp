@@ -1,0 +1,67 @@
+// Local controllers of N robots of one kind: each is told what its robot knows, the true world or a map of its own.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <variant>
+#include <vector>
+
+#include "control/controller.hpp"
+#include "control/dwa.hpp"
+
+namespace adrl {
+
+using ControllerConfig = std::variant<DwaConfig>;
+
+std::unique_ptr<LocalController> make_controller(const ControllerConfig &config);
+
+struct ControlSetup {
+    Footprint footprint;
+    DriveLimits limits;
+    double dt_s = 0.1;
+    bool foresee = true; // in a known world moving discs are where they will be; otherwise they stand where they are
+    ControllerConfig controller;
+};
+
+// A route of a robot's own: corners x0, y0, x1, y1, ..., and how far along it the robot was.
+struct OwnRoute {
+    const double *corners;
+    int count;
+    double *along;
+};
+
+class LocalControl {
+  public:
+    // memory (N, memory_size()): all that changes, owned by the caller; zeros for robots that have just started.
+    // Decisions of at most num_threads robots are made at once.
+    LocalControl(int num_robots, int num_threads, ControlSetup setup, double *memory);
+
+    int num_robots() const { return num_robots_; }
+    // Robot i on a path in a known world. limits: of its base, as it is today.
+    Twist in_world(int i, const World &world, const Path &path, double along, const DriveLimits &limits,
+                   const Pose &pose, const Twist &twist, double time_s);
+    // Robot i on a route of its own, in a window of log-odds of its own.
+    Twist on_map(int i, const std::int8_t *log_odds, const WindowShape &shape, const WindowOrigin &origin,
+                 const OwnRoute &route, const Pose &pose, const Twist &twist);
+
+  private:
+    struct Scratch {
+        std::unique_ptr<LocalController> controller;
+        NearObstacles obstacles;
+        Path path;
+    };
+    class Borrowed; // a scratch of the stock, put back at the end
+
+    Twist decide(int i, Scratch &scratch, const DriveLimits &limits, const Pose &pose, const Twist &twist,
+                 const Path &path, double along);
+
+    int num_robots_;
+    ControlSetup setup_;
+    int memory_size_ = 0;
+    double *memory_;
+    std::mutex mutex_;
+    std::vector<std::unique_ptr<Scratch>> stock_;
+};
+
+} // namespace adrl

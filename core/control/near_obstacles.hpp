@@ -1,0 +1,45 @@
+// What a local controller knows of the obstacles about its robot, whether they come from the true world or from a map
+// of the robot's own.
+#pragma once
+
+#include "planning/occupancy.hpp"
+#include "world/world.hpp"
+
+namespace adrl {
+
+// Capsules: all points within `radius` of the segment from a to a + e. Circles have e = 0, walls radius 0, and solid
+// cells stand as the segments of their outlines: so distances to them are exact. Metres relative to the robot's
+// position, axes of the world, in single precision.
+class NearObstacles {
+  public:
+    static constexpr int kMax = 1024; // where there are more, the robot looks less far
+
+    // What of the world lies within `reach`. foresee: moving discs are where they will be; otherwise they stand still.
+    void gather(const World &world, const Pose &pose, double reach, double time_s, bool foresee);
+    // Solid cells of a window within `reach`.
+    void gather(const std::int8_t *log_odds, const WindowShape &shape, const WindowOrigin &origin, const Pose &pose,
+                double reach);
+
+    int count() const { return count_; }
+    // Puts the moving discs where they will be after `after_s`, behind the others: the number of all.
+    int place_discs(double after_s);
+    // Whether a disc can slide from `from` to `to`, both relative to the robot, without touching what stands still.
+    bool corridor_free(Vec2 from, Vec2 to, double radius) const;
+
+    alignas(64) float ax[kMax], ay[kMax], ex[kMax], ey[kMax];
+    alignas(64) float inverse[kMax]; // 1 / |e|^2
+    alignas(64) float radius[kMax];
+
+  private:
+    bool add(Vec2 a, Vec2 b, double r);
+    bool gather_within(const World &world, double reach);
+    template <class Solid>
+    bool outline(const Solid &solid, const Pose &lattice, double cell, double reach);
+
+    Vec2 robot_;
+    int count_ = 0;
+    const World *moving_ = nullptr;
+    double time_s_ = 0.0;
+};
+
+} // namespace adrl

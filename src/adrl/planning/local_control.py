@@ -1,0 +1,49 @@
+"""Local controllers of N robots: what drives along a path, knowing the world or a map of the robot's own."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl import _core
+from adrl.types import RobotConfig
+
+ControllerConfig = _core.DwaConfig
+"""Constants of a local controller; see core/control for their meaning."""
+
+
+def local_lookahead_m(robot: RobotConfig) -> float:
+    """How far along its path a robot that moves so fast has to look."""
+    return min(max(1.5 * robot.max_speed_mps, 0.5), 3.0)
+
+
+def dwa_config(robot: RobotConfig) -> "_core.DwaConfig":
+    """The dynamic window approach for this robot."""
+    config = _core.DwaConfig()
+    config.lookahead_m = local_lookahead_m(robot)
+    return config
+
+
+class LocalControl:
+    """A local controller a robot. All that changes is in the arrays `b`; `native` is the core's."""
+
+    def __init__(
+        self,
+        num_robots: int,
+        robot: RobotConfig,
+        config: ControllerConfig,
+        *,
+        foresee: bool = True,
+        num_threads: int = 1,
+    ) -> None:
+        """foresee: in a known world moving discs are where they will be; otherwise they stand where they are."""
+        size = _core.control_memory(config)
+        self.b: dict[str, NDArray[Any]] = {"memory": np.zeros((num_robots, size))}
+        response = robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2, robot.lag_s
+        self.native = _core.LocalControl(
+            num_robots, num_threads, robot.native, response, config, foresee, self.b
+        )
+
+    def restart(self, indices: NDArray[np.intp]) -> None:
+        """Forget what is remembered of robots `indices` (M,)."""
+        self.b["memory"][indices] = 0.0
