@@ -1,5 +1,6 @@
 """Laws of the intervals: exact where they can be, by seeded simulation where they cannot."""
 
+import itertools
 import math
 
 import numpy as np
@@ -14,7 +15,9 @@ from hypothesis.extra import numpy as hnp
 from adrl.evaluation.statistics import (
     Interval,
     bootstrap_mean,
+    holm,
     paired_difference,
+    paired_p_value,
     paired_rate_difference,
     probability_of_improvement,
     seed_iqm,
@@ -397,3 +400,27 @@ def test_one_seed_of_either_method_gives_no_interval():
 def test_methods_run_in_different_scenarios_are_not_compared():
     with pytest.raises(ValueError, match="same ones"):
         probability_of_improvement(np.zeros((3, 2)), np.zeros((3, 1)))
+
+
+def test_the_correction_is_holms() -> None:
+    """Smallest first times 3, 2, 1, never falling, at most 1."""
+    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+    assert holm([0.5, 0.9]) == pytest.approx([1.0, 1.0])
+    assert holm([0.2]) == pytest.approx([0.2])
+    assert holm([]) == []
+
+
+def test_flipped_signs_by_hand() -> None:
+    """Of 16 ways to sign 1, 2, 3, 4 two have a mean as far from 0 as all plus."""
+    assert paired_p_value([1, 2, 3, 4], [0, 0, 0, 0]) == pytest.approx(2 / 16)
+    # 1 - 2 + 3 + 4 = 6: as far are 10, 8, 6 and their negatives.
+    assert paired_p_value([1, 0, 3, 4], [0, 2, 0, 0]) == pytest.approx(6 / 16)
+    assert paired_p_value([5, 5], [5, 5]) == 1.0
+    assert np.isnan(paired_p_value([], []))
+
+
+@given(hnp.arrays(np.float64, st.integers(1, 9), elements=st.integers(-20, 20).map(float)))
+def test_a_p_value_is_the_share_of_all_signs(difference: np.ndarray) -> None:
+    means = [np.mean(difference * signs) for signs in itertools.product((-1, 1), repeat=len(difference))]
+    expected = np.mean(np.abs(means) >= abs(difference.mean()) - 1e-9)
+    assert paired_p_value(difference, np.zeros_like(difference)) == pytest.approx(expected)

@@ -16,7 +16,7 @@ from adrl.errors import CheckpointError, FileError
 from adrl.evaluation.learning_time import median_seconds_to_level, seconds_to_level
 from adrl.evaluation.metrics import COMMON, means_on_common_tasks
 from adrl.evaluation.results import plain_table, read_table
-from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
+from adrl.evaluation.statistics import Interval, entry, probability_of_improvement, seed_iqm, seed_mean
 from adrl.json_files import checked, read_json
 from adrl.report.metrics_log import read_metrics
 
@@ -47,7 +47,7 @@ class Run:
 def read_runs(folders: Sequence[Path]) -> list[Run]:
     """The evaluations in result folders METHOD-sSEED. Raises CheckpointError naming a malformed file."""
     runs = []
-    planners = [_outcomes(folder) for folder in folders if folder.name == api.PLANNER]
+    planners = [outcomes(folder) for folder in folders if folder.name == api.PLANNER]
     planner = next(iter(planners[0].values())) if planners else None
     for folder in folders:
         path = folder / RESULT_FILE
@@ -55,10 +55,10 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
             content = read_json(path, _Result)
             method, seed = content["method"], content["seed"]
             seconds = math.nan if seed is None else _seconds_to_90(folder / METRICS_FILE)
-            outcomes = {} if seed is None or planner is None else _outcomes(folder)
+            driven = {} if seed is None or planner is None else outcomes(folder)
             for summary in content["evaluations"]:
                 _require_summary(summary)
-                own = outcomes.get(summary["guidance"])
+                own = driven.get(summary["guidance"])
                 beside = {} if own is None or planner is None else means_on_common_tasks(own, planner)
                 runs.append(Run(method, seed, summary, seconds, beside))
         except FileError as error:
@@ -91,7 +91,7 @@ def _require_summary(summary: dict[str, Any]) -> None:
     checked({name: summary[name] for name in names}, dict[str, float | None])
 
 
-def _outcomes(folder: Path) -> dict[str, dict[str, Any]]:
+def outcomes(folder: Path) -> dict[str, dict[str, Any]]:
     """Guidance -> columns of the episodes."""
     table = read_table(folder / EPISODES_FILE)
     columns = {name: table.column(name).to_numpy() for name in table.column_names}
@@ -134,8 +134,8 @@ def _method_row(group: list[Run], ours: list[Run] | None) -> Row:
     row: Row = {"method": group[0].method, "guidance": group[0].summary["guidance"], "seeds": len(group)}
     success = _column(group, "success")
     for name in MEANS:
-        row |= _entry(name, seed_mean(_column(group, name)))
-    row |= _entry("success_iqm", seed_iqm(success)) | {"success_worst": min(success)}
+        row |= entry(name, seed_mean(_column(group, name)))
+    row |= entry("success_iqm", seed_iqm(success)) | {"success_worst": min(success)}
     seconds = [run.seconds_to_90 for run in group]
     median = median_seconds_to_level(seconds)
     row["seconds_to_90"] = median if math.isfinite(median) else None
@@ -144,7 +144,7 @@ def _method_row(group: list[Run], ours: list[Run] | None) -> Row:
     improvement = (
         (math.nan,) * 3 if ours is None else probability_of_improvement(_column(ours, "success"), success)
     )
-    row |= _entry("improvement", Interval(*improvement))
+    row |= entry("improvement", Interval(*improvement))
     known = [run.beside_planner for run in group if run.beside_planner.get("common_tasks")]
     for name in COMMON:
         row[name] = float(np.mean([entry[name] for entry in known])) if known else None
@@ -159,21 +159,13 @@ def _reference_row(run: Run) -> Row:
     row |= {name + end: summary[name + end] for name in MEANS for end in ("", "_low", "_high")}
     nothing = ("seconds_to_90", "seeds_to_90", "success_worst", *TRAINING, *COMMON)
     row["warnings"] = summary.get("warnings", [])
-    return row | dict.fromkeys(nothing) | _entry("success_iqm", None) | _entry("improvement", None)
+    return row | dict.fromkeys(nothing) | entry("success_iqm", None) | entry("improvement", None)
 
 
 def _column(group: list[Run], name: str) -> list[float]:
     """A metric of each seed; without the seeds where it is undefined, such as the time of no success."""
     values = [run.summary[name] for run in group]
     return [float(value) for value in values if value is not None]
-
-
-def _entry(name: str, interval: Interval | None) -> Row:
-    values = interval or (None, None, None)
-    return {
-        name + end: None if value is None or not math.isfinite(value) else value
-        for end, value in zip(("", "_low", "_high"), values, strict=True)
-    }
 
 
 @dataclass(frozen=True)

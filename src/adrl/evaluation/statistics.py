@@ -33,6 +33,17 @@ class Interval(NamedTuple):
 UNDEFINED = Interval(math.nan, math.nan, math.nan)
 
 
+def finite(value: float | None) -> float | None:
+    """None for NaN and infinity, which JSON does not have."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
+def entry(name: str, interval: Interval | None) -> dict[str, float | None]:
+    """An interval as a row has it: the estimate under its name, its ends under NAME_low and NAME_high."""
+    values = (None, None, None) if interval is None else interval
+    return {name + end: finite(value) for end, value in zip(("", "_low", "_high"), values, strict=True)}
+
+
 def wilson_interval(successes: int, trials: int, *, confidence: float = 0.95) -> Interval:
     """Wilson's score interval of a rate (Wilson 1927). Undefined for 0 trials.
 
@@ -112,6 +123,38 @@ def _tango_upper(b: int, c: int, n: int, z_squared: float) -> float:
         else:
             high = d
     return low
+
+
+def paired_p_value(ours: ArrayLike, theirs: ArrayLike, *, resamples: int = RESAMPLES, seed: int = 0) -> float:
+    """Two-sided p-value of no difference between ours and theirs (E,), row i of both a pair: a sign-flip test.
+
+    Each pair is turned round or not, all ways where they are fewer than `resamples` and a random part of them
+    otherwise: the share of the ways whose mean difference is as far from 0. NaN without pairs.
+    """
+    x, y = _column(ours), _column(theirs)
+    if x.shape != y.shape:
+        raise ValueError(f"pairs need equal lengths, got {len(x)} and {len(y)}")
+    if len(x) < 2:
+        return 1.0 if len(x) else math.nan  # both ways of one pair are as far
+    from scipy.stats import permutation_test
+
+    result = permutation_test(
+        (x - y,),
+        lambda differences, axis: differences.mean(axis=axis),
+        permutation_type="samples",
+        vectorized=True,
+        n_resamples=resamples,
+        batch=max(1, _BLOCK_NUMBERS // len(x)),
+        rng=np.random.default_rng(seed),
+    )
+    return float(result.pvalue)
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """p-values of one family of tests after Holm's correction (1979): its chance of any false finding is kept."""
+    from statsmodels.stats.multitest import multipletests
+
+    return multipletests(p_values, method="holm")[1].tolist() if len(p_values) else []
 
 
 def seed_mean(

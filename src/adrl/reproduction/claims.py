@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from adrl.evaluation.statistics import Interval
+from adrl.evaluation.statistics import Interval, entry
 from adrl.reproduction.reported import LABELS
-from adrl.reproduction.results import entry
 
 REPRODUCES, CONTRARY, UNDECIDED = "reproduces", "does not reproduce", "undecided"
 UNMEASURED, NOT_JUDGED = "was not measured", "not judged"

@@ -14,10 +14,17 @@ from adrl.evaluation.learning_time import (
     steady_from,
 )
 from adrl.evaluation.metrics import COMMON, OVER_SUCCESSES, means_on_common_tasks
-from adrl.evaluation.statistics import Interval, probability_of_improvement, seed_iqm, seed_mean
+from adrl.evaluation.statistics import (
+    Interval,
+    entry,
+    finite,
+    probability_of_improvement,
+    seed_iqm,
+    seed_mean,
+)
 from adrl.reproduction.pairs import difference, planner_interval, success_interval
 from adrl.reproduction.reported import METHODS, OURS, PLANNER, TABLE_I
-from adrl.reproduction.results import NO_SEED, Array, Columns, Results, entry, finite
+from adrl.reproduction.results import NO_SEED, Array, Columns, Results
 
 LEVELS = (0.8, 0.95)
 """Success whose learning time is told."""

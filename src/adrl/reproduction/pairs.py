@@ -16,12 +16,13 @@ from adrl.evaluation.statistics import (
     UNDEFINED,
     Interval,
     bootstrap_mean,
+    entry,
     paired_difference,
     seed_mean,
     wilson_interval,
 )
 from adrl.reproduction.reported import LABELS, METHODS, OURS, PLANNER
-from adrl.reproduction.results import NO_SEED, Columns, Results, entry
+from adrl.reproduction.results import NO_SEED, Columns, Results
 
 PAIRED = ("success", *OVER_SUCCESSES)
 """What is compared. All but success on the tasks that both reached: a mean over easy tasks alone is short."""

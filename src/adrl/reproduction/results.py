@@ -11,7 +11,6 @@ A job's folder is written when it has ended and holds all that is kept of it: wh
 job again.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,7 +22,6 @@ from numpy.typing import NDArray
 
 from adrl.errors import CheckpointError, FileError
 from adrl.evaluation.results import read_table
-from adrl.evaluation.statistics import Interval
 from adrl.json_files import checked, read_json
 
 Array = NDArray[np.float64]
@@ -231,14 +229,3 @@ def _table(path: Path, numbers: Sequence[str], texts: Sequence[str] = ()) -> Col
                 f"{path}: has no column {name} as adrl reproduce writes it; delete its folder and run adrl reproduce"
             )
     return {name: table.column(name).to_numpy() for name in (*numbers, *texts)}
-
-
-def finite(value: float | None) -> float | None:
-    """None for NaN and infinity, which JSON does not have."""
-    return None if value is None or not math.isfinite(value) else float(value)
-
-
-def entry(name: str, interval: Interval | None) -> dict[str, float | None]:
-    """An interval as a row has it: the estimate under its name, its ends under NAME_low and NAME_high."""
-    values = (None, None, None) if interval is None else interval
-    return {name + end: finite(value) for end, value in zip(("", "_low", "_high"), values, strict=True)}

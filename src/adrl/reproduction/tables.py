@@ -10,7 +10,7 @@ from typing import Any
 from adrl import files
 from adrl.evaluation.learning_time import STEADY_BAND, STEADY_ROWS, STEADY_SHARE, SUCCESSIVE
 from adrl.evaluation.metrics import OVER_SUCCESSES
-from adrl.reproduction.cells import cell, of_seeds, plain, table
+from adrl.report.markdown import cell, of_seeds, plain, table
 from adrl.reproduction.claims import Claim
 from adrl.reproduction.figures import figures, write_figures
 from adrl.reproduction.numbers import HARD_SHARE, LEVELS, success_rows, summary_rows, table_rows
