@@ -56,6 +56,18 @@ def test_a_term_with_a_shaping_term_s_name_takes_its_place() -> None:
     assert_allclose(weights(np.array([0.5, 0.25, 1.0]), 0.5, config)[2], 0.3 / (0.3 + 0.2 + 0.225 + 0.45))
 
 
+def test_no_approach_pays_nothing_for_nearing_the_goal_and_all_else_as_before() -> None:
+    config = RewardConfig(extra_terms=("no-approach",))
+    step = a_step(previous_distance_m=3.0, distance_m=2.9, yaw_rate_radps=0.5)
+    plain, terminal = terms(step, RewardConfig()), terms(step, config)
+    approach = list(REWARD_TERMS).index("approach")
+    assert (plain[:, approach] > 0.0).all()
+    assert_allclose(terminal[:, approach], 0.0)
+    assert_allclose(np.delete(terminal, approach, axis=1), np.delete(plain, approach, axis=1))
+    near = np.array([0.5, 0.25, 1.0])
+    assert_allclose(weights(near, 0.5, config), weights(near, 0.5, RewardConfig()))
+
+
 def test_a_weight_names_its_features() -> None:
     """The same weight as of four parameters, whose names are its own."""
     by_position = RewardTerm("still", still, lambda a, b, c, s: 0.1 + 0.2 * a + 0.3 * b + 0.4 * c + 0.5 * s)

@@ -49,7 +49,8 @@ class RewardConfig:
     scale: Annotated[float, Range(1e-06, 1e6)] = 0.02
     """Factor on the weighted sum (eq 17), so that values stay within a few units; 1e-06 to 1e+06."""
     extra_terms: tuple[Annotated[str | RewardTerm, tyro.conf.arg(constructor=str)], ...] = ()
-    """Shaping terms beside the paper's: RewardTerm objects, or names of the entry point group "adrl.reward_terms"."""
+    """Shaping terms beside the paper's: RewardTerm objects, names of the entry point group "adrl.reward_terms", or
+    no-approach, which pays nothing for nearing the goal: what is left on the way are costs."""
     eq8: Form = "corrected"
     """Failure. Literal: distance to the obstacles' middle points, and a timeout fails too and terminates."""
     eq9: Form = "corrected"
@@ -96,7 +97,9 @@ class RewardConfig:
 
 @functools.cache
 def _offered(name: str) -> RewardTerm:
-    found = look_up("reward term", name, {})
+    from adrl.rewards.weights import EXTRA_TERMS  # which need this module
+
+    found = look_up("reward term", name, EXTRA_TERMS)
     if not isinstance(found, RewardTerm):
         raise ConfigError(f"reward term {name!r}: its entry point gives {found!r}, not a RewardTerm")
     return found

@@ -3,8 +3,10 @@
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
+
 from adrl.rewards.config import RewardConfig
-from adrl.rewards.extra import MATURITY, Weight
+from adrl.rewards.extra import MATURITY, RewardTerm, Weight
 from adrl.rewards.terms import reward_terms
 
 # Rows give a weight before normalisation. f.threat is T_obs, f.proximity T_goal, f.stop T_stop, f.maturity S.
@@ -16,6 +18,15 @@ SHAPING_ROWS: dict[str, Weight] = {
     "obstacle": lambda f: 0.15 + 0.15 * f.threat,  # ours: a near threat counts more
     "stagnation": lambda f: 0.8 * f.stop * (1.0 - f.maturity) + 0.05,  # 15
 }
+
+
+EXTRA_TERMS: dict[str, RewardTerm] = {
+    # Terminal reward: nothing is paid for nearing the goal. The row stays, so that the others weigh what they weighed.
+    "no-approach": RewardTerm(
+        "approach", lambda step, _: np.zeros(len(step.reached)), SHAPING_ROWS["approach"]
+    ),
+}
+"""Extra terms that go by name here; other packages offer more."""
 
 
 def _approach_literal(f: Any) -> Any:
