@@ -154,7 +154,10 @@ def holm(p_values: Sequence[float]) -> list[float]:
     """p-values of one family of tests after Holm's correction (1979): its chance of any false finding is kept."""
     from statsmodels.stats.multitest import multipletests
 
-    return multipletests(p_values, method="holm")[1].tolist() if len(p_values) else []
+    if not len(p_values):
+        return []
+    _, corrected, *_ = multipletests(p_values, method="holm")
+    return np.asarray(corrected, dtype=np.float64).tolist()
 
 
 def seed_mean(
