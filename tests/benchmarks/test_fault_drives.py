@@ -79,6 +79,15 @@ def test_what_is_wrong_is_named_before_anything_is_hit(fault: str):
 
 
 @pytest.mark.integration
+@pytest.mark.parametrize("task", [6, 29, 37])
+def test_a_policy_that_stands_by_itself_is_got_on(task: int):
+    """The jackal's has to turn round between walls, and was trained among pillars: it stands until its time is up."""
+    (drive,) = fault_drives(["none"], robots=["jackal"], scenarios=["rooms"], first=task)
+    assert drive.outcome == "arrived"
+    assert "recovering" in drive.reasons
+
+
+@pytest.mark.integration
 def test_a_lidar_mounted_otherwise_is_told_before_anything_is_hit():
     """Something stands half a metre ahead: a robot that suspects its mount goes slowly."""
     faults = [name for name in FAULTS if name.startswith("mounted")]

@@ -246,7 +246,7 @@ class Navigator:
             helped = self._recovery.twist(math.atan2(towards[1], towards[0]), now_s)
         twist, reasons = self.supervisor.limit(helped or (v, w), now_s)
         if self._recovery is not None:
-            self._recovery.watch("obstacle" in reasons, now_s)
+            self._recovery.watch(now_s)
         if helped is not None:
             reasons = (*reasons, "recovering")
         if not USUAL.issuperset(reasons):  # the policy is told what the base was told

@@ -1,7 +1,8 @@
-"""What gets a robot on that its supervisor holds: it turns to where the way is free, drives a little, and hands back.
+"""What gets a robot on that comes nowhere: it turns to where the way is free, drives a little, and hands back.
 
 A policy that passes an obstacle more closely than the LiDAR's noise allows asks for ever for what the supervisor has
-to refuse. Nav2 calls such a remedy a recovery behaviour. The supervisor has the last word on this one, too.
+to refuse; another one stands by itself where it has to turn round in a place of a kind that it was not trained in. Nav2
+calls such a remedy a recovery behaviour. The supervisor has the last word on this one, too.
 """
 
 import logging
@@ -14,8 +15,8 @@ from adrl.deploy.supervisor import Supervisor
 LOG = logging.getLogger("adrl.deploy")
 
 PATIENCE_S = 3.0
-"""A robot that has come nowhere in this time, and was held by an obstacle in half of it, needs help. Longer than the
-replanner's window (2 s), so that a new route comes first."""
+"""A robot that has come nowhere in this time, and was driven in half of it, needs help. Longer than the replanner's
+window (2 s), so that a new route comes first."""
 PROGRESS_M = 0.1
 """Driving so far is progress."""
 PROGRESS_RAD, MOST_TURNED_RAD = 0.5, math.pi
@@ -23,9 +24,9 @@ PROGRESS_RAD, MOST_TURNED_RAD = 0.5, math.pi
 WAY_M = 0.3
 """Driven until the policy has the robot back."""
 AWAY_M = 1.0
-"""So far from where it was held first, the robot has got away from there."""
+"""So far from where it stuck first, the robot has got away from there."""
 MOST_TRIES = 6
-"""Ways that are tried from one place. Then it is left held, as it was without help."""
+"""Ways that are tried from one place. Then it is left there, as it was without help."""
 TURNS_RAD = tuple(math.radians(degrees) for degrees in range(-165, 181, 15))
 """Looked at for a free way."""
 AHEAD_RAD = 0.15
@@ -51,7 +52,7 @@ class Recovery:
     def forget(self) -> None:
         """Another goal, another driver, or another frame of the odometry."""
         self._way: _Way | None = None
-        self._held_at: Pose | None = None
+        self._stuck_at: Pose | None = None
         """Where the first way was looked for."""
         self._tries = 0
         self._begin(None, -math.inf)
@@ -64,7 +65,7 @@ class Recovery:
             way = self._way = None
             self._begin(pose, now_s)
         if way is None and now_s - self._since_s > PATIENCE_S:
-            if self._held_s > 0.5 * PATIENCE_S:
+            if self._driven_s > 0.5 * PATIENCE_S:
                 way = self._way = self._free_way(pose, bearing_rad, now_s)
             self._begin(pose, now_s)
         if way is None:
@@ -73,11 +74,11 @@ class Recovery:
         speed, yaw_rate = self._supervisor.gently
         return (speed if abs(turn) < AHEAD_RAD else 0.0), min(max(2.0 * turn, -yaw_rate), yaw_rate)
 
-    def watch(self, held: bool, now_s: float) -> None:
-        """A step has been driven; held: by an obstacle."""
+    def watch(self, now_s: float) -> None:
+        """A step has been driven."""
         pose = self._supervisor.pose_at(now_s)
-        if self._held_at is not None and _between_m(pose, self._held_at) > AWAY_M:
-            self._held_at, self._tries = None, 0
+        if self._stuck_at is not None and _between_m(pose, self._stuck_at) > AWAY_M:
+            self._stuck_at, self._tries = None, 0
         if self._start is None or _between_m(pose, self._start) > PROGRESS_M:
             self._begin(pose, now_s)
             self._turned_rad = 0.0
@@ -86,11 +87,11 @@ class Recovery:
             if turned > PROGRESS_RAD:
                 self._begin(pose, now_s)
                 self._turned_rad += turned
-        self._held_s += held * self._supervisor.robot.control_period_s
+        self._driven_s += self._supervisor.robot.control_period_s
 
     def _begin(self, pose: Pose | None, now_s: float) -> None:
         """Count from here."""
-        self._start, self._since_s, self._held_s = pose, now_s, 0.0
+        self._start, self._since_s, self._driven_s = pose, now_s, 0.0
 
     def _free_way(self, pose: Pose, bearing_rad: float, now_s: float) -> _Way | None:
         """That nearest to the waypoint's direction; from the same place the next time the next, and so on."""
@@ -100,9 +101,9 @@ class Recovery:
             return None
         turn = free[self._tries % len(free)]
         self._tries += 1
-        self._held_at = self._held_at or pose
+        self._stuck_at = self._stuck_at or pose
         again = "" if self._tries < MOST_TRIES else ", for the last time from here"
-        LOG.info("held by an obstacle: turning by %.0f degrees to a free way%s", math.degrees(turn), again)
+        LOG.info("no progress: turning by %.0f degrees to a free way%s", math.degrees(turn), again)
         return _Way(pose[2] + turn, pose, now_s + self._takes_s(turn) + SPARE_S)
 
     def _takes_s(self, turn_rad: float) -> float:
