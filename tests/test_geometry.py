@@ -3,11 +3,23 @@
 import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adrl.geometry import Pose, compose, inverse, part_way, yaw_of
+from adrl.geometry import (
+    Pose,
+    compose,
+    composed,
+    in_robot_frame,
+    in_world_frame,
+    inverse,
+    lies_within,
+    part_way,
+    relative,
+    yaw_of,
+)
 
 POSES = st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-math.pi, math.pi))
 
@@ -17,6 +29,35 @@ def test_there_and_back_is_the_same_pose(a: Pose, b: Pose) -> None:
     again = compose(inverse(a), compose(a, b))
     assert math.dist(again[:2], b[:2]) < 1e-9
     assert abs(math.remainder(again[2] - b[2], 2.0 * math.pi)) < 1e-9
+
+
+@given(a=POSES, b=POSES)
+def test_arrays_of_poses_are_as_single_ones(a: Pose, b: Pose) -> None:
+    first, second = np.array([a, b]), np.array([b, a])
+    for (x, y, yaw), wanted in zip(composed(first, second), (compose(a, b), compose(b, a)), strict=True):
+        assert math.dist((x, y), wanted[:2]) < 1e-9
+        assert abs(math.remainder(yaw - wanted[2], 2.0 * math.pi)) < 1e-9
+    again = composed(first, relative(first, second))
+    assert np.abs(again[:, :2] - second[:, :2]).max() < 1e-9
+    assert np.abs(np.sin(0.5 * (again[:, 2] - second[:, 2]))).max() < 1e-9
+    there = in_world_frame(np.array(a), second[:, :2])  # one pose, many points
+    assert np.abs(in_robot_frame(np.array(a), there) - second[:, :2]).max() < 1e-9
+
+
+@given(
+    angles=st.lists(st.floats(0, 6.28), min_size=3, max_size=12, unique=True),
+    shares=st.lists(st.floats(0.01, 1), min_size=12, max_size=12),
+)
+def test_a_mean_of_all_corners_lies_within_and_a_corner_or_what_is_beyond_does_not(
+    angles: list[float], shares: list[float]
+) -> None:
+    corners = np.array([(math.cos(angle), math.sin(angle)) for angle in sorted(angles)])
+    weights = np.array(shares[: len(corners)]) / sum(shares[: len(corners)])
+    middle = weights @ corners
+    width = np.linalg.svd(corners - corners.mean(axis=0))[1].min()
+    assert lies_within(corners, middle[None, :])[0] or width < 1e-3
+    assert not lies_within(corners, corners).any()
+    assert not lies_within(corners, middle + 2.1 * np.array([[1.0, 0.0], [0.0, -1.0]])).any()
 
 
 @given(

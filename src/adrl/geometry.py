@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
 Pose = tuple[float, float, float]
 """x (m), y (m), yaw (rad)."""
 
@@ -42,10 +43,39 @@ def yaw_of(q: Any) -> float:
     return math.atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y * q.y + q.z * q.z))
 
 
-def in_robot_frame(pose: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3) poses, (N, 2) points in the world -> (N, 2) as the robots see them: x ahead, y to the left."""
-    offset = points - pose[:, :2]
-    cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-    return np.stack(
-        [cos * offset[:, 0] + sin * offset[:, 1], cos * offset[:, 1] - sin * offset[:, 0]], axis=1
-    )
+def wrapped(angles: Array) -> Array:
+    """The same angles in [-pi, pi)."""
+    return np.remainder(angles + math.pi, 2.0 * math.pi) - math.pi
+
+
+def in_robot_frame(poses: Array, points: Array) -> Array:
+    """(..., 3) poses, (..., 2) points in the world -> (..., 2) as robots there see them: x ahead, y to the left."""
+    cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
+    dx, dy = points[..., 0] - poses[..., 0], points[..., 1] - poses[..., 1]
+    return np.stack([cos * dx + sin * dy, cos * dy - sin * dx], axis=-1)
+
+
+def in_world_frame(poses: Array, points: Array) -> Array:
+    """The inverse of in_robot_frame."""
+    cos, sin = np.cos(poses[..., 2]), np.sin(poses[..., 2])
+    x, y = points[..., 0], points[..., 1]
+    return np.stack([poses[..., 0] + cos * x - sin * y, poses[..., 1] + sin * x + cos * y], axis=-1)
+
+
+def relative(a: Array, b: Array) -> Array:
+    """(..., 3) poses b in the frames of poses a."""
+    return np.concatenate([in_robot_frame(a, b[..., :2]), wrapped(b[..., 2:] - a[..., 2:])], axis=-1)
+
+
+def composed(a: Array, b: Array) -> Array:
+    """(..., 3) poses b, given in the frames of poses a, in the frame that these are given in."""
+    return np.concatenate([in_world_frame(a, b[..., :2]), wrapped(a[..., 2:] + b[..., 2:])], axis=-1)
+
+
+def lies_within(corners: Array, points: Array) -> NDArray[np.bool_]:
+    """(V, 2) a convex polygon, counter-clockwise; (..., 2) points -> (...) which lie in it, its edge left out."""
+    within = np.ones(points.shape[:-1], dtype=np.bool_)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+        edge, offset = end - start, points - start
+        within &= edge[0] * offset[..., 1] > edge[1] * offset[..., 0]
+    return within

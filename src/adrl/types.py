@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.errors import CheckpointError, ConfigError
+from adrl.geometry import Array, lies_within
 from adrl.ranges import Range, check_ranges
 
-Array = NDArray[np.float64]
 ACTION_SIZE = 2
 """Numbers of an action: speed, yaw rate."""
 GUIDANCE = ("goal", "replan", "map")
@@ -35,6 +35,10 @@ FULL_CIRCLE_RAD = 2.0 * math.pi + 1e-6
 """And what rounding adds."""
 MOST_M = 10.0
 """No corner of a footprint has a greater coordinate."""
+BEYOND_SPEED = 2.0
+"""Odometry of more than so many times the robot's greatest speeds is a fault."""
+SLIP_M, SLIP_RAD = 0.1, 0.2
+"""Odometry may jump by so much beyond what the robot can drive."""
 
 
 def _require(ok: bool, message: str) -> None:
@@ -191,6 +195,20 @@ class RobotConfig(_HasNative):
             lidar.max_range_m,
             self.control_period_s,
         )
+
+    def covers(self, points: Array) -> NDArray[np.bool_]:
+        """(..., 2) points in the robot's frame -> (...) whether they lie in its footprint, the edge left out."""
+        if self.radius_m is not None:
+            return np.hypot(points[..., 0], points[..., 1]) < self.radius_m
+        return lies_within(self.polygon, points)
+
+    def cannot_have_driven(self, way_m: Any, turn_rad: Any, seconds: Any) -> Any:
+        """Whether odometry that tells of such ways and turns in such times has begun anew in another place.
+
+        Numbers or arrays (...). The robot may be faster than it is told to be, and slip.
+        """
+        too_far = way_m > BEYOND_SPEED * self.fastest_mps * seconds + SLIP_M
+        return too_far | (abs(turn_rad) > BEYOND_SPEED * self.max_yaw_rate_radps * seconds + SLIP_RAD)
 
     @property
     def fastest_mps(self) -> float:

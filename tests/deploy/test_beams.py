@@ -37,7 +37,7 @@ def a_disc(x: float, y: float, radius_m: float = 0.3) -> Array:
 
 def seen(*scans: Scan, pose: Pose = HERE) -> tuple[BeamWatch, Scan]:
     """What is believed of the last one."""
-    watch = BeamWatch(HERE, zero_is_free=False)
+    watch = BeamWatch(HERE)
     believed = [watch.believable(scan, pose) for scan in scans]
     return watch, believed[-1]
 
@@ -47,7 +47,7 @@ def test_a_wall_does_not_vanish_between_two_scans(width_rad: float):
     """All beams, half of them, an arc: they tell nothing for as long as they say so, and all is well after that."""
     blind = np.abs(ANGLES) <= 0.5 * width_rad
     empty = np.where(blind, np.inf, ROOM)
-    watch = BeamWatch(HERE, zero_is_free=False)
+    watch = BeamWatch(HERE)
     assert watch.believable(a_scan(0, ROOM), HERE).ranges is ROOM
     for step in range(1, 50):
         believed = watch.believable(a_scan(step, empty), HERE)
@@ -63,7 +63,7 @@ def test_a_wall_does_not_vanish_between_two_scans(width_rad: float):
 def test_who_walks_away_in_the_open_is_believed_to_be_gone():
     """In any direction, at a person's speed: nothing else is there to confirm the LiDAR."""
     for heading in np.linspace(-math.pi, math.pi, 12):
-        watch = BeamWatch(HERE, zero_is_free=False)
+        watch = BeamWatch(HERE)
         for step in range(60):
             way_m = 1.5 * PERIOD_S * step
             x, y = 1.0 + way_m * math.cos(heading), 0.4 + way_m * math.sin(heading)
@@ -76,7 +76,7 @@ def test_who_walks_away_in_the_open_is_believed_to_be_gone():
 @pytest.mark.parametrize("share", [0.05, 0.3])
 def test_single_beams_may_fail(share: float):
     rng = np.random.default_rng(0)
-    watch = BeamWatch(HERE, zero_is_free=False)
+    watch = BeamWatch(HERE)
     for step in range(50):
         scan = a_scan(step, np.where(rng.random(BEAMS) < share, np.inf, ROOM))
         assert watch.believable(scan, HERE) is scan
@@ -91,7 +91,7 @@ def test_what_was_out_of_reach_soon_may_vanish():
 def test_what_has_vanished_is_given_up_in_the_end_if_the_lidar_sees_other_things():
     """One that sees nothing at all is not believed, ever."""
     for sees, given_up in ((ANGLES > 0.0, True), (ANGLES > 9.0, False)):
-        watch = BeamWatch(HERE, zero_is_free=False)
+        watch = BeamWatch(HERE)
         watch.believable(a_scan(0, ROOM), HERE)
         for step in range(1, round(LASTS_S / PERIOD_S) + 10):
             watch.believable(a_scan(step, np.where(sees, ROOM, np.inf)), HERE)
@@ -100,7 +100,7 @@ def test_what_has_vanished_is_given_up_in_the_end_if_the_lidar_sees_other_things
 
 def test_the_robots_own_motion_is_taken_out():
     """It turns on the spot before a wall in the open: the wall leaves no beam without a hit elsewhere."""
-    watch = BeamWatch(HERE, zero_is_free=False)
+    watch = BeamWatch(HERE)
     for step in range(40):
         yaw = 0.15 * step
         world = np.remainder(ANGLES + yaw + math.pi, 2.0 * math.pi) - math.pi
@@ -129,7 +129,7 @@ def test_what_was_near_or_there_from_the_start_is_believed():
 
 
 def test_scans_may_change_their_beams():
-    watch = BeamWatch(HERE, zero_is_free=False)
+    watch = BeamWatch(HERE)
     watch.believable(a_scan(0, ROOM), HERE)
     fewer = dataclasses.replace(a_scan(1, ROOM[:90]), angle_increment_rad=4.0 * math.pi / BEAMS)
     assert watch.believable(fewer, HERE) is fewer

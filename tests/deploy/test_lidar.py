@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from adrl import _core
 from adrl.deploy import Pose, Scan
-from adrl.deploy.lidar import LidarAdapter, readings
+from adrl.deploy.lidar import LidarAdapter, beam_angles, beam_towards, readings, sees_all_round
 from adrl.types import Array, LidarConfig
 from env_tasks import room
 
@@ -129,17 +129,24 @@ def test_what_the_readings_mean():
     ranges, told = readings(scan)
     assert told.tolist() == [True, False, True, False, False, True, True, True, False]
     assert ranges[told].tolist() == [np.inf, 0.1, 0.5, np.inf, np.inf]
-    assert readings(scan, zero_is_free=True)[1].tolist() == [
-        True,
-        False,
-        True,
-        True,
-        False,
-        True,
-        True,
-        True,
-        False,
-    ]
+
+
+@given(
+    count=st.integers(2, 400),
+    share=st.floats(0.05, 1.0),
+    first=st.floats(-7.0, 7.0),
+    clockwise=st.booleans(),
+    turns=st.integers(-2, 2),
+)
+def test_a_beam_looks_where_it_looks(count: int, share: float, first: float, clockwise: bool, turns: int):
+    """Whatever the direction is called; and where there is none, none does."""
+    increment = (-1.0 if clockwise else 1.0) * share * 2.0 * math.pi / count
+    scan = a_scan(np.ones(count), first, increment)
+    bearings = beam_angles(scan) + 0.4 * increment + 2.0 * math.pi * turns
+    assert beam_towards(scan, bearings).tolist() == list(range(count))
+    behind = first + 0.5 * increment * (count - 1) + math.pi
+    if not sees_all_round(scan) and share * (count - 1) / count < 0.9:
+        assert beam_towards(scan, np.array([behind]))[0] == -1
 
 
 def test_no_beam_tells_anything():

@@ -196,7 +196,6 @@ def surroundings(robot: RobotConfig = DIFFBOT) -> Surroundings:
         (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad),
         margin_m=0.02,
         largest_hole_rad=0.35,
-        zero_is_free=False,
     )
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from adrl.bags.reader import ODOMETRY, TWISTS, Bag
 from adrl.bags.transforms import frame_name
 from adrl.errors import DatasetError
-from adrl.geometry import yaw_of
-from adrl.types import Array
+from adrl.geometry import in_robot_frame, yaw_of
+from adrl.types import SLIP_M, Array
 
 SILENCE_PERIODS = 3.0
 """Control periods of silence on a topic that end a drive, and what comes after begins another."""
@@ -30,8 +30,8 @@ MISMATCH = 0.4
 """Part of what was moved by which poses and twists may differ."""
 OTHER_FRAME = 0.1
 """The same for speeds that are nearly those along x of the odometry's frame."""
-CAN_BE_DRIVEN_MPS, JUMP_M = 10.0, 0.1
-"""Poses that move faster, beside a step of so much, have begun anew."""
+CAN_BE_DRIVEN_MPS = 10.0
+"""Where nobody says which robot it is, poses that move faster have begun anew; see RobotConfig.cannot_have_driven."""
 MOST_SIDEWAYS = 0.5
 """Part of the way that no differential drive moves sideways."""
 
@@ -193,9 +193,9 @@ FORWARD, SIDEWAYS, TURN, ALONG_X = range(4)
 
 def _motion(before: Array, after: Array) -> Array:
     """(M, 4) from poses (M, 3) to others, by the heading half way."""
-    (dx, dy, turn), yaw = (after - before).T, 0.5 * (before + after)[:, 2]
-    c, s = np.cos(yaw), np.sin(yaw)
-    return np.stack([c * dx + s * dy, c * dy - s * dx, turn, dx], axis=1)
+    turn, along_x = (after - before)[:, 2], (after - before)[:, 0]
+    half_way = np.column_stack([before[:, :2], before[:, 2] + 0.5 * turn])
+    return np.column_stack([in_robot_frame(half_way, after[:, :2]), turn, along_x])
 
 
 def _windows(odometry: OdometryTable) -> tuple[Array, Array]:
@@ -205,7 +205,7 @@ def _windows(odometry: OdometryTable) -> tuple[Array, Array]:
     hops = _motion(odometry.pose[:-1], odometry.pose[1:])
     told = 0.5 * (twist[1:] + twist[:-1]) * gaps[:, None]
     far = np.hypot(hops[:, FORWARD], hops[:, SIDEWAYS])
-    broken = (gaps > PAUSE_S) | (far > CAN_BE_DRIVEN_MPS * gaps + JUMP_M)
+    broken = (gaps > PAUSE_S) | (far > CAN_BE_DRIVEN_MPS * gaps + SLIP_M)
     sums = np.concatenate(
         [np.zeros((1, 7)), np.cumsum(np.column_stack([hops, told, broken.astype(float)]), axis=0)]
     )

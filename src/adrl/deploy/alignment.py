@@ -18,6 +18,7 @@ from adrl import _core
 from adrl.deploy.evidence import Evidence
 from adrl.deploy.lidar import readings
 from adrl.deploy.messages import Pose, Reason, Scan
+from adrl.geometry import composed, relative, wrapped
 from adrl.types import Array, RobotConfig
 
 LATES = (0, 1, 2, 3, 4, -1, -2)
@@ -60,10 +61,9 @@ class _Past:
 class Alignment:
     """Of one robot's scans with its odometry. Poses are of the robot in the odometry's frame."""
 
-    def __init__(self, robot: RobotConfig, mount: Pose, *, zero_is_free: bool) -> None:
+    def __init__(self, robot: RobotConfig, mount: Pose) -> None:
         self._mount = mount
         self._period_s = robot.control_period_s
-        self._zero_is_free = zero_is_free
         self._scale_m = max(SCALE_M, NOISE_STDS * robot.lidar.noise_std_m)
         # late since then, by each of LATES; late before as well, by each; frozen; other mounts
         self._frozen = 2 * len(LATES)
@@ -113,7 +113,7 @@ class Alignment:
 
         base_late_s: odometry is no later than the base seems to be.
         """
-        ranges, told = readings(scan, zero_is_free=self._zero_is_free)
+        ranges, told = readings(scan)
         ranges = np.where(told, ranges, np.nan)
         lates_s = [late * self._period_s for late in LATES]
         poses = np.array([pose_at(scan.stamp_s - (s if s > -base_late_s - 1e-6 else 0.0)) for s in lates_s])
@@ -139,14 +139,14 @@ class Alignment:
     def _compare(self, new: _Past, past: _Past) -> int | None:
         """Weigh two scans; the number of the explanation that has to be believed from now on, None for none."""
         motions = np.concatenate(
-            [between(past.poses[past.late], new.poses), between(past.poses, new.poses), np.zeros((1, 3))]
+            [relative(past.poses[past.late], new.poses), relative(past.poses, new.poses), np.zeros((1, 3))]
         )
         belief = motions[self._late] * DRIFTS
         seen = [self._seen(belief), self._seen(motions)]
         if self._mount_sure < SURE:
             seen += [self._seen(belief[:1], *mount) for mount in self._mounts]
         rows = np.concatenate(seen)
-        off_m, off_rad = np.hypot(*(rows[:, :2] - rows[0, :2]).T), _wrapped(rows[:, 2] - rows[0, 2])
+        off_m, off_rad = np.hypot(*(rows[:, :2] - rows[0, :2]).T), wrapped(rows[:, 2] - rows[0, 2])
         apart = (off_m > APART_M) | (np.abs(off_rad) > APART_RAD)
         if not apart[len(DRIFTS) :].any():
             return None
@@ -187,28 +187,9 @@ class Alignment:
         """(M, 3) motions of the robot as its LiDAR's, if that is turned from where it should be, or mirrored."""
         x, y, yaw = self._mount
         sensor = np.array([(x, y, yaw + turn_rad)])
-        moved = between(sensor, _composed(motions, sensor))
+        moved = relative(sensor, composed(motions, sensor))
         return moved * np.array([1.0, -1.0, -1.0]) if mirrored else moved
 
 
 def _fan(scan: Scan) -> tuple[float, float, float]:
     return scan.angle_min_rad, scan.angle_increment_rad, scan.range_max_m
-
-
-def between(a: Array, b: Array) -> Array:
-    """(M, 3) poses b in the frames of poses a."""
-    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
-    dx, dy = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
-    return np.stack([c * dx + s * dy, c * dy - s * dx, _wrapped(b[..., 2] - a[..., 2])], axis=-1)
-
-
-def _composed(a: Array, b: Array) -> Array:
-    """(M, 3) poses b, given in the frames of poses a, in the frame that these are given in."""
-    c, s = np.cos(a[:, 2]), np.sin(a[:, 2])
-    return np.stack(
-        [a[:, 0] + c * b[:, 0] - s * b[:, 1], a[:, 1] + s * b[:, 0] + c * b[:, 1], a[:, 2] + b[:, 2]], axis=1
-    )
-
-
-def _wrapped(angles: Array) -> Array:
-    return np.remainder(angles + math.pi, 2.0 * math.pi) - math.pi

@@ -10,9 +10,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.deploy.lidar import beam_angles, readings
+from adrl.deploy.lidar import beam_angles, beam_towards, readings, sees_all_round
 from adrl.deploy.messages import Pose, Scan
-from adrl.deploy.watch import sees_all_round
 from adrl.geometry import compose
 from adrl.types import Array
 
@@ -41,8 +40,8 @@ INSISTS = 3
 class BeamWatch:
     """Of one LiDAR, whose mount is in the robot's frame; poses are of the robot in the odometry's frame."""
 
-    def __init__(self, mount: Pose, *, zero_is_free: bool) -> None:
-        self._mount, self._zero_is_free = mount, zero_is_free
+    def __init__(self, mount: Pose) -> None:
+        self._mount = mount
         self.forget()
 
     def forget(self) -> None:
@@ -58,7 +57,7 @@ class BeamWatch:
     def believable(self, scan: Scan, pose: Pose) -> Scan:
         """The scan, with NaN for beams that are not believed."""
         sensor = compose(pose, self._mount)
-        ranges, told = readings(scan, zero_is_free=self._zero_is_free)
+        ranges, told = readings(scan)
         near = np.isneginf(scan.ranges)
         seen = told & np.isfinite(ranges) & ~near
         expected, doubted_s = self._expected(scan, sensor)
@@ -88,15 +87,10 @@ class BeamWatch:
 
     def _expected(self, scan: Scan, sensor: Pose) -> tuple[Array, Array]:
         """(K,) the nearest of what is known along each beam, infinity for nothing; and its seconds of doubt."""
-        count, increment = len(scan.ranges), scan.angle_increment_rad
-        expected, doubted_s = np.full(count, np.inf), np.zeros(count)
+        expected, doubted_s = np.full(len(scan.ranges), np.inf), np.zeros(len(scan.ranges))
         dx, dy = self._points[:, 0] - sensor[0], self._points[:, 1] - sensor[1]
-        along = np.arctan2(dy, dx) - sensor[2] - scan.angle_min_rad
-        along = np.remainder(math.copysign(1.0, increment) * along, 2.0 * math.pi)
-        beam = np.rint(along / abs(increment)).astype(np.intp)
-        if sees_all_round(scan):
-            beam %= count
-        inside = beam < count
+        beam = beam_towards(scan, np.arctan2(dy, dx) - sensor[2])
+        inside = beam >= 0
         beam, away = beam[inside], np.hypot(dx, dy)[inside]
         np.minimum.at(expected, beam, away)
         nearest = away <= expected[beam]

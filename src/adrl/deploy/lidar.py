@@ -17,14 +17,9 @@ CONTIGUOUS = 0.15
 """Neighbouring beams whose ranges differ by a smaller part are on one surface, and it is straight between them."""
 
 
-def readings(scan: Scan, *, zero_is_free: bool = False) -> tuple[Array, Mask]:
-    """(K,) ranges in metres, infinity where nothing is within reach, and (K,) which beams tell anything.
-
-    zero_is_free: for LiDARs that report 0 where nothing comes back, as the LDS-01 does; see ScanReader.
-    """
+def readings(scan: Scan) -> tuple[Array, Mask]:
+    """(K,) ranges in metres, infinity where nothing is within reach, and (K,) which beams tell anything."""
     ranges = np.where(np.isneginf(scan.ranges), max(scan.range_min_m, 1e-3), scan.ranges)
-    if zero_is_free:
-        ranges = np.where(ranges == 0.0, np.inf, ranges)
     told = (ranges > 0.0) & (ranges >= scan.range_min_m)  # not NaN either
     free = ranges >= scan.range_max_m * (1.0 - 1e-6)
     return np.where(told & ~free, ranges, np.inf), told
@@ -35,16 +30,35 @@ def beam_angles(scan: Scan) -> Array:
     return scan.angle_min_rad + scan.angle_increment_rad * np.arange(len(scan.ranges), dtype=np.float64)
 
 
+def beam_towards(scan: Scan, bearings: Array) -> NDArray[np.intp]:
+    """(M,) numbers of the beams that look nearest to directions in the sensor's frame; -1 where none does."""
+    along = math.copysign(1.0, scan.angle_increment_rad) * (bearings - scan.angle_min_rad)
+    beam = np.rint(np.remainder(along, 2.0 * math.pi) / abs(scan.angle_increment_rad)).astype(np.intp)
+    count = len(scan.ranges)
+    return beam % count if sees_all_round(scan) else np.where(beam < count, beam, -1)
+
+
+def sees_all_round(scan: Scan) -> bool:
+    """Whether its beams go round the full circle."""
+    return (len(scan.ranges) + 0.5) * abs(scan.angle_increment_rad) > 2.0 * math.pi
+
+
+def widest_hole_rad(scan: Scan, told: Mask) -> float:
+    """The widest run of beams that tell nothing, as an angle; round the back for a full circle."""
+    numbers = np.flatnonzero(told)
+    around = (numbers[-1] - len(told), numbers[0] + len(told))
+    ends = around if sees_all_round(scan) else (-1, len(told))
+    runs = np.diff(np.concatenate([ends[:1], numbers, ends[1:]])) - 1
+    return float(runs.max()) * abs(scan.angle_increment_rad)
+
+
 class LidarAdapter:
     """Resamples scans of a real LiDAR to the beams of the LiDAR a policy was trained with."""
 
-    def __init__(
-        self, trained: LidarConfig, mount: Pose | None = None, *, zero_is_free: bool = False
-    ) -> None:
+    def __init__(self, trained: LidarConfig, mount: Pose | None = None) -> None:
         """mount: of the real LiDAR in the robot's frame; that of the trained one when None."""
         self.trained = trained
         self.mount = mount or (trained.mount_x_m, trained.mount_y_m, trained.mount_yaw_rad)
-        self.zero_is_free = zero_is_free
         c, s = math.cos(trained.mount_yaw_rad), math.sin(trained.mount_yaw_rad)
         dx, dy = self.mount[0] - trained.mount_x_m, self.mount[1] - trained.mount_y_m
         self._offset = (c * dx + s * dy, c * dy - s * dx)  # of the real sensor in the trained one's frame
@@ -58,7 +72,7 @@ class LidarAdapter:
         scan, what stands out before the surface within half a trained beam is not lost. A LiDAR of shorter reach
         sees free space beyond it; directions that it does not cover read the greatest range.
         """
-        ranges, told = readings(scan, zero_is_free=self.zero_is_free)
+        ranges, told = readings(scan)
         angles, ranges = self._in_trained_frame(beam_angles(scan)[told], ranges[told])
         out = np.full(self.trained.num_beams, np.inf)
         if len(ranges) > 0:

@@ -101,20 +101,18 @@ class Supervisor:
             max_age_s=self.config.max_age_periods * self._period_s,
             least_told=self.config.least_told,
             largest_hole_rad=self.config.largest_hole_rad,
-            zero_is_free=zero_is_free,
         )
         self._surroundings = Surroundings(
             robot,
             mount,
             margin_m=max(self.config.margin_m, NOISE_STDS * lidar.noise_std_m),
             largest_hole_rad=self.config.largest_hole_rad,
-            zero_is_free=zero_is_free,
         )
         response = (robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2, robot.lag_s)
         self._base = _core.Braking(robot.radius_m or 0.0, robot.polygon, response, self._period_s)
         self._reckoning = Reckoning(robot, self._base, self._sensors.odometry)
-        self._alignment = Alignment(robot, mount, zero_is_free=zero_is_free)
-        self._beams = BeamWatch(mount, zero_is_free=zero_is_free)
+        self._alignment = Alignment(robot, mount)
+        self._beams = BeamWatch(mount)
         self._told: tuple[str, ...] = ()
         self._now_s = -math.inf
         self._looked_s = -math.inf

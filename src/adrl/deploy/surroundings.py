@@ -5,9 +5,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.deploy.lidar import beam_angles, readings
+from adrl.deploy.lidar import beam_angles, beam_towards, readings, sees_all_round, widest_hole_rad
 from adrl.deploy.messages import Pose, Scan
-from adrl.deploy.watch import sees_all_round, widest_hole_rad
+from adrl.geometry import in_robot_frame, in_world_frame
 from adrl.types import Array, RobotConfig
 
 Mask = NDArray[np.bool_]
@@ -27,12 +27,9 @@ class Surroundings:
     two hits. Hits within the footprint are the robot's own body, and are none.
     """
 
-    def __init__(
-        self, robot: RobotConfig, mount: Pose, *, margin_m: float, largest_hole_rad: float, zero_is_free: bool
-    ) -> None:
+    def __init__(self, robot: RobotConfig, mount: Pose, *, margin_m: float, largest_hole_rad: float) -> None:
         self._robot, self._mount = robot, mount
         self._margin_m, self._largest_hole_rad = margin_m, largest_hole_rad
-        self._zero_is_free = zero_is_free
         self._near_m = robot.circumscribed_radius_m + max(NEAR_M, _stopping_m(robot))
         self.forget()
 
@@ -52,7 +49,7 @@ class Surroundings:
     def take(self, scan: Scan, first: Pose, last: Pose, *, clears: bool = True) -> None:
         """A new scan; where the robot was when its first and its last beam were taken. clears: False for a scan under
         suspicion, for which nothing that was known is given up."""
-        ranges, told = readings(scan, zero_is_free=self._zero_is_free)
+        ranges, told = readings(scan)
         too_near = (scan.ranges > 0.0) & (scan.ranges < scan.range_min_m)
         ranges = np.where(too_near, scan.ranges, ranges)
         nearer = np.isneginf(
@@ -60,8 +57,8 @@ class Surroundings:
         )  # than range_min_m: where an earlier scan has seen it, or it may touch
         if self._looking is None and nearer.any():
             ranges = np.where(nearer, self._leaving_m(scan), ranges)
-        x, y = self._on_robot(scan, ranges)
-        own = self._within_footprint(x, y)
+        points = self._on_robot(scan, ranges)
+        own = self._robot.covers(points)
         outside = told & ~own
         hit = (told | too_near) & np.isfinite(ranges) & ~own
         clearance = self._margin_m + self._gap_rad(scan, told | too_near)[hit] * ranges[hit]
@@ -69,8 +66,8 @@ class Surroundings:
         self._lasting = self._untold(scan, outside & ~nearer & clears, last)
         turn = math.remainder(last[2] - first[2], 2.0 * math.pi)
         way = np.array([last[0] - first[0], last[1] - first[1], turn])
-        poses = np.array(first)[:, None] + way[:, None] * np.linspace(0.0, 1.0, len(ranges))[hit]
-        self._newest = _placed(np.stack([x[hit], y[hit], clearance], axis=1), poses)
+        poses = np.array(first) + np.linspace(0.0, 1.0, len(ranges))[hit, None] * way
+        self._newest = np.column_stack([in_world_frame(poses, points[hit]), clearance])
         self._last_s = scan.stamp_s
         self._looking = (scan, outside)
         if clears:
@@ -84,8 +81,7 @@ class Surroundings:
         """Whether the last scan looks straight ahead."""
         if self._looking is None:
             return False
-        scan = self._looking[0]
-        return self._in_view(scan, np.ones(len(scan.ranges), dtype=bool), np.ones(1), np.zeros(1)).item()
+        return bool(beam_towards(self._looking[0], np.array([-self._mount[2]]))[0] >= 0)
 
     def sees_behind(self) -> bool:
         """Whether the last scan looks all round, past the robot's own body."""
@@ -102,29 +98,23 @@ class Surroundings:
         the way.
         """
         former = self._former - (0.0, 0.0, self._margin_m)
-        return _seen_from(np.concatenate([former, self._newest, self._lasting[:, :3]]), pose)
+        known = np.concatenate([former, self._newest, self._lasting[:, :3]])
+        return np.column_stack([in_robot_frame(np.array(pose), known), known[:, 2]])
 
-    def _on_robot(self, scan: Scan, ranges: Array) -> tuple[Array, Array]:
-        """(K,) x and y in the robot's frame; infinite where nothing is hit."""
+    def _on_robot(self, scan: Scan, ranges: Array) -> Array:
+        """(K, 2) in the robot's frame; infinite where nothing is hit."""
         angles = beam_angles(scan) + self._mount[2]
         far = np.where(np.isfinite(ranges), ranges, 1e9)
-        return self._mount[0] + far * np.cos(angles), self._mount[1] + far * np.sin(angles)
-
-    def _within_footprint(self, x: Array, y: Array) -> Mask:
-        """(K,)"""
-        if self._robot.radius_m is not None:
-            return np.hypot(x, y) < self._robot.radius_m
-        corners = self._robot.polygon
-        ahead = np.concatenate([corners[1:], corners[:1]]) - corners
-        across = ahead[:, :1] * (y - corners[:, 1:]) - ahead[:, 1:] * (x - corners[:, :1])
-        return np.all(across > 0.0, axis=0, keepdims=True)[0]
+        return np.stack(
+            [self._mount[0] + far * np.cos(angles), self._mount[1] + far * np.sin(angles)], axis=1
+        )
 
     def _leaving_m(self, scan: Scan) -> Array:
         """(K,) range at which each beam leaves the footprint, or range_min_m where that comes first."""
         inner, outer = np.zeros(len(scan.ranges)), np.full(len(scan.ranges), max(scan.range_min_m, 1e-3))
         for _ in range(12):
             middle = 0.5 * (inner + outer)
-            within = self._within_footprint(*self._on_robot(scan, middle))
+            within = self._robot.covers(self._on_robot(scan, middle))
             inner, outer = np.where(within, middle, inner), np.where(within, outer, middle)
         return outer
 
@@ -151,23 +141,18 @@ class Surroundings:
         seen = np.column_stack([self._former, np.full(len(self._former), self._last_s)])
         lasting = self._lasting[self._lasting[:, 3] > scan.stamp_s - LASTS_S]
         known = np.concatenate([seen, lasting[self._is_near(lasting, pose)]])
-        x, y, _ = _seen_from(known, pose).T
-        untold = known[~self._in_view(scan, tells, x - self._mount[0], y - self._mount[1])]
+        x, y = in_robot_frame(np.array(pose), known).T
+        bearings = np.arctan2(y - self._mount[1], x - self._mount[0]) - self._mount[2]
+        untold = known[~_in_view(scan, tells, bearings)]
         x, y = np.rint(untold[:, :2].T / CELL_M).astype(np.int64)
         _, first = np.unique((x << 32) + y, return_index=True)
         return untold[first]
 
-    def _in_view(self, scan: Scan, tells: Mask, dx: Array, dy: Array) -> Mask:
-        """(M,) which directions from the sensor, given in the robot's frame, a beam that tells something covers."""
-        increment = scan.angle_increment_rad
-        along = np.arctan2(dy, dx) - self._mount[2] - scan.angle_min_rad
-        beam = np.rint(
-            np.remainder(math.copysign(1.0, increment) * along, 2.0 * math.pi) / abs(increment)
-        ).astype(np.intp)
-        if sees_all_round(scan):
-            beam %= len(tells)
-        covered = beam < len(tells)
-        return covered & tells[np.where(covered, beam, 0)]
+
+def _in_view(scan: Scan, tells: Mask, bearings: Array) -> Mask:
+    """(M,) which directions in the sensor's frame a beam that tells something covers."""
+    beam = beam_towards(scan, bearings)
+    return (beam >= 0) & tells[np.maximum(beam, 0)]
 
 
 def _stopping_m(robot: RobotConfig) -> float:
@@ -175,17 +160,3 @@ def _stopping_m(robot: RobotConfig) -> float:
     speed = robot.fastest_mps
     reaction_s = robot.latency_s + robot.lag_s + 2.0 * robot.control_period_s
     return speed * reaction_s + 0.5 * speed**2 / robot.max_acceleration_mps2
-
-
-def _placed(points: Array, poses: Array) -> Array:
-    """(M, 3) x, y in the frames of poses (3, M) -> in the frame that the poses are given in."""
-    c, s = np.cos(poses[2]), np.sin(poses[2])
-    x, y, clearance = points.T
-    return np.stack([poses[0] + c * x - s * y, poses[1] + s * x + c * y, clearance], axis=1)
-
-
-def _seen_from(points: Array, pose: Pose) -> Array:
-    """(M, 3) the inverse of _placed, for one pose."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    x, y = points[:, 0] - pose[0], points[:, 1] - pose[1]
-    return np.stack([c * x + s * y, c * y - s * x, points[:, 2]], axis=1)

@@ -6,12 +6,12 @@ import math
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
-from adrl.deploy.lidar import readings
+from adrl.deploy.lidar import readings, widest_hole_rad
 from adrl.deploy.messages import Odometry, Pose, Reason, Scan, Twist
 from adrl.deploy.scan_reader import FULL_CIRCLE_RAD
-from adrl.types import Array, RobotConfig
+from adrl.geometry import compose, inverse, part_way
+from adrl.types import BEYOND_SPEED, Array, RobotConfig
 
 EARLY_PERIODS = 0.5
 """Stamps may be this much ahead of the clock: sensors have clocks of their own."""
@@ -19,10 +19,6 @@ MOVED_M, MOVED_RAD = 0.01, 0.02
 """A robot that has moved by so much sees something change."""
 KEPT = 32
 """Odometry messages that are remembered: scans are older than odometry."""
-IMPLAUSIBLE = 2.0
-"""Odometry of more than so many times the robot's greatest speeds is a fault."""
-SLIP_M, SLIP_RAD = 0.1, 0.2
-"""Odometry may jump by so much beyond what the robot can drive."""
 COMPARED_S = 1.0
 """Time constant over which the odometry's twist is compared with its poses."""
 LOST, INTERVALS = 1.5, 5
@@ -41,13 +37,11 @@ class SensorWatch:
         max_age_s: float,
         least_told: float,
         largest_hole_rad: float,
-        zero_is_free: bool,
     ) -> None:
         self.robot = robot
         self._max_age_s = max_age_s
         self._least_told = least_told
         self._largest_hole_rad = largest_hole_rad
-        self._zero_is_free = zero_is_free
         self._now_s = -math.inf
         self.odometry: deque[Odometry] = deque(maxlen=KEPT)
         """With a twist that its poses do not contradict: see twist_contradicts."""
@@ -186,14 +180,14 @@ class SensorWatch:
         if moved_m <= MOVED_M and turned_rad <= MOVED_RAD:
             return False
         # Where nothing is in reach, scans are alike.
-        return bool(np.isfinite(readings(scan, zero_is_free=self._zero_is_free)[0]).any())
+        return bool(np.isfinite(readings(scan)[0]).any())
 
     def doubts(self) -> tuple[Reason, ...]:
         """What is wrong with the newest scan itself."""
         if self.scan is None:
             return ()
         scan = self.scan
-        _, told = readings(scan, zero_is_free=self._zero_is_free)
+        _, told = readings(scan)
         if not told.any():
             return ("scan_invalid",)
         told_rad = np.count_nonzero(told) * abs(scan.angle_increment_rad)
@@ -203,43 +197,23 @@ class SensorWatch:
         return ()
 
 
-def sees_all_round(scan: Scan) -> bool:
-    """Whether its beams go round the full circle."""
-    return (len(scan.ranges) + 0.5) * abs(scan.angle_increment_rad) > 2.0 * math.pi
-
-
-def widest_hole_rad(scan: Scan, told: NDArray[np.bool_]) -> float:
-    """The widest run of beams that tell nothing, as an angle; round the back for a full circle."""
-    numbers = np.flatnonzero(told)
-    around = (numbers[-1] - len(told), numbers[0] + len(told))
-    ends = around if sees_all_round(scan) else (-1, len(told))
-    runs = np.diff(np.concatenate([ends[:1], numbers, ends[1:]])) - 1
-    return float(runs.max()) * abs(scan.angle_increment_rad)
-
-
 def is_plausible(robot: RobotConfig, odometry: Odometry) -> bool:
     """Whether it can be a robot's at all: finite, and no faster than it can be."""
     v, w = odometry.twist
-    slow = abs(v) <= IMPLAUSIBLE * robot.fastest_mps and abs(w) <= IMPLAUSIBLE * robot.max_yaw_rate_radps
+    slow = abs(v) <= BEYOND_SPEED * robot.fastest_mps and abs(w) <= BEYOND_SPEED * robot.max_yaw_rate_radps
     return slow and bool(np.isfinite([*odometry.pose, odometry.stamp_s]).all())
 
 
 def has_jumped(robot: RobotConfig, last: Odometry, new: Odometry) -> bool:
     """Whether the robot cannot have driven from one to the other: its odometry has begun anew."""
-    passed_s = new.stamp_s - last.stamp_s
-    moved_m, turned_rad = moved(last.pose, new.pose)
-    return (
-        moved_m > IMPLAUSIBLE * robot.fastest_mps * passed_s + SLIP_M
-        or turned_rad > IMPLAUSIBLE * robot.max_yaw_rate_radps * passed_s + SLIP_RAD
-    )
+    return bool(robot.cannot_have_driven(*moved(last.pose, new.pose), new.stamp_s - last.stamp_s))
 
 
 def _way(before: Pose, after: Pose) -> Twist:
-    """Metres ahead and radians that a robot has driven from one pose to the next."""
-    turn = math.remainder(after[2] - before[2], 2.0 * math.pi)
-    heading = before[2] + 0.5 * turn
-    dx, dy = after[0] - before[0], after[1] - before[1]
-    return math.cos(heading) * dx + math.sin(heading) * dy, turn
+    """Metres ahead and radians that a robot has driven from one pose to the next, by its heading half way."""
+    half_way = part_way(before, after, 0.5)
+    ahead, _, half_turn = compose(inverse((*before[:2], half_way[2])), after)
+    return ahead, 2.0 * half_turn
 
 
 def moved(before: Pose, after: Pose) -> tuple[float, float]:

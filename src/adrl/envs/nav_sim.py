@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from adrl import _core
 from adrl.envs.randomization import NOMINAL, Randomization, draw_params
 from adrl.errors import ConfigError, UnknownName
+from adrl.geometry import wrapped
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.observation.motion import ScanHistory
 from adrl.planning.local_control import LocalControl, dwa_config
@@ -188,7 +189,7 @@ class NavSim:
             collided=collided,
             timed_out=timed_out,
             displacement_m=moved,
-            turn_rad=_wrap(b["pose"][:, 2] - before_pose[:, 2]),
+            turn_rad=wrapped(b["pose"][:, 2] - before_pose[:, 2]),
             coordinate_distance_m=self._coordinate_distance(),
             previous_distance_m=before_distance,
             heading_error_rad=_heading_error(self._guided_pose(), before_waypoint),
@@ -324,11 +325,6 @@ def _heading_error(pose: Array, target: Array) -> Array:
     """(N,) angle from the heading to the target, in (-pi, pi]."""
     ahead = in_robot_frame(pose, target)
     return np.arctan2(ahead[:, 1], ahead[:, 0])
-
-
-def _wrap(angle: Array) -> Array:
-    """The same angle in [-pi, pi)."""
-    return np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi
 
 
 def _buffers(n: int, beams: int) -> dict[str, NDArray[Any]]:

@@ -246,17 +246,16 @@ def scan_clearance(ranges: F32, robot: RobotConfig) -> Array:
     x, y = lidar.mount_x_m + ranges * np.cos(angles), lidar.mount_y_m + ranges * np.sin(angles)  # (N, K)
     if robot.radius_m is not None:
         distance = np.hypot(x, y) - robot.radius_m
-        inside = distance <= 0.0
     else:
-        distance, inside = np.full(x.shape, np.inf), np.full(x.shape, True)
+        distance = np.full(x.shape, np.inf)
         corners = robot.polygon
         for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
             ex, ey = bx - ax, by - ay
-            inside &= ex * (y - ay) - ey * (x - ax) >= 0.0
             share = np.clip((ex * (x - ax) + ey * (y - ay)) / (ex * ex + ey * ey), 0.0, 1.0)
             distance = np.minimum(distance, np.hypot(x - ax - share * ex, y - ay - share * ey))
     free = ranges >= np.float32(lidar.max_range_m)
-    return np.where(free | inside, lidar.max_range_m, distance).min(axis=1)
+    own = robot.covers(np.stack([x, y], axis=-1, dtype=np.float64))
+    return np.where(free | own, lidar.max_range_m, distance).min(axis=1)
 
 
 def _summary(recording: Recording, drives: list[_Drive], robot: RobotConfig) -> BagSummary:

@@ -31,8 +31,6 @@ GRACE_PERIODS = 0.25
 """What comes so much later than a period begins still belongs to its beginning; of commands twice as much."""
 AT_ONCE_S = 1e-6
 """Times nearer than this are the same."""
-JUMP_M = 0.5
-"""Odometry that moves by so much more than twice what the robot can drive in a period has begun anew."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -140,7 +138,7 @@ def _on_periods(
     told = np.searchsorted(commands[:, 0], instants + 2.0 * grace_s, side="right") - 1
     command = np.where(told[:, None] >= 0, commands[np.maximum(told, 0), 1:], 0.0)  # none yet: it stands
     moved_m = np.hypot(*np.diff(pose[:, :2], axis=0).T)
-    jumped = moved_m > 2.0 * robot.max_speed_mps * period_s + JUMP_M
+    jumped = robot.cannot_have_driven(moved_m, np.diff(pose[:, 2]), period_s)
     goal = np.full(len(instants), -1)
     if goals is not None:
         goal = np.searchsorted(goals.times_s, instants + grace_s, side="right") - 1

@@ -73,8 +73,7 @@ def read_scans(
         scans.append(scan)
     frame = one_frame(bag.path, topic, "header.frame_id", frames)
     scans.sort(key=lambda scan: scan.stamp_s)
-    scans, free_note = _with_free_beams(topic, scans, zero_is_free=zero_is_free, nan_is_free=nan_is_free)
-    scans = list(map(ScanReader(), scans))
+    scans, free_note = _read(topic, scans, zero_is_free=zero_is_free, nan_is_free=nan_is_free)
     good, fault_note = _good(bag, topic, scans, odometry, robot)
     mount, upside_down, mount_note = _mount(bag, topic, transforms, frame, odometry, robot)
     if upside_down:  # it turns the other way round
@@ -90,32 +89,23 @@ def read_scans(
     )
 
 
-def _with_free_beams(
-    topic: str, scans: list[Scan], *, zero_is_free: bool, nan_is_free: bool
-) -> tuple[list[Scan], str]:
-    """Scans whose beams are infinite where nothing came back, however the LiDAR reports that."""
+def _read(topic: str, scans: list[Scan], *, zero_is_free: bool, nan_is_free: bool) -> tuple[list[Scan], str]:
+    """The scans as the runtime reads them, however the LiDAR reports where nothing came back; and what to say."""
     if zero_is_free or nan_is_free:
-        return [_freed(scan, zero=zero_is_free, nan=nan_is_free) for scan in scans], ""
+        return list(map(ScanReader(zero_is_free=zero_is_free, nan_is_free=nan_is_free), scans)), ""
     # A scan that tells nothing at all is of a LiDAR that sees nothing, and not of a place where nothing is.
     telling = [bool((scan.ranges > 0.0).any()) for scan in scans]
     zero, nan, free = _shares([scan for scan, tells in zip(scans, telling, strict=True) if tells])
+    as_it_is = ScanReader()
     if max(zero, nan) <= max(NOTHING_BACK, SELDOM * free):
-        return scans, ""
+        return list(map(as_it_is, scans)), ""
     what, option = ("0", "--zero-is-free") if zero >= nan else ("NaN", "--nan-is-free")
-    freed = [
-        _freed(scan, zero=zero >= nan, nan=nan > zero) if tells else scan
-        for scan, tells in zip(scans, telling, strict=True)
-    ]
-    return freed, (
+    freeing = ScanReader(zero_is_free=what == "0", nan_is_free=what == "NaN")
+    read = [(freeing if tells else as_it_is)(scan) for scan, tells in zip(scans, telling, strict=True)]
+    return read, (
         f"{topic}: {100.0 * max(zero, nan):.0f} % of ranges are {what}, {100.0 * free:.1f} % inf or range_max: {what} "
         f"is taken for nothing within reach, as {option} does"
     )
-
-
-def _freed(scan: Scan, *, zero: bool, nan: bool) -> Scan:
-    """With infinite ranges where it has 0, or NaN."""
-    nothing = (zero & (scan.ranges == 0.0)) | (nan & np.isnan(scan.ranges))
-    return replace(scan, ranges=np.where(nothing, np.inf, scan.ranges))
 
 
 def _shares(scans: list[Scan]) -> tuple[float, float, float]:
@@ -146,7 +136,6 @@ def _good(
         max_age_s=trust.max_age_periods * robot.control_period_s,
         least_told=trust.least_told,
         largest_hole_rad=trust.largest_hole_rad,
-        zero_is_free=False,
     )
     poses = odometry.poses(np.array([scan.stamp_s for scan in scans]))
     good, faults = [], dict[str, list[Scan]]()

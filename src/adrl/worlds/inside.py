@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from adrl.geometry import lies_within
 from adrl.planning.grid import PlanningGrid
 from adrl.types import Array, World
 from adrl.worlds.tasks import GOAL_TOLERANCE_M, TaskSpace
@@ -66,15 +67,6 @@ def _points(world: World) -> Array:
     return np.concatenate([np.empty((0, 2)), *world.polygons, world.segments.reshape(-1, 2), *circles])
 
 
-def _within(corners: Array, points: Array) -> NDArray[np.bool_]:
-    """(V, 2) a convex polygon, counter-clockwise; (..., 2) points -> (...) whether they lie in it."""
-    within = np.ones(points.shape[:-1], dtype=np.bool_)
-    for start, end in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        edge, offset = end - start, points - start
-        within &= edge[0] * offset[..., 1] >= edge[1] * offset[..., 0]
-    return within
-
-
 def _in_hull(world: World, grid: PlanningGrid) -> NDArray[np.bool_]:
     """(H, W) cells whose centre lies in the convex hull of what stands in the world."""
     from scipy.spatial import ConvexHull, QhullError
@@ -84,4 +76,4 @@ def _in_hull(world: World, grid: PlanningGrid) -> NDArray[np.bool_]:
         hull = ConvexHull(points)
     except (QhullError, ValueError):  # nothing, or all on one line
         return np.zeros(shape, dtype=np.bool_)
-    return _within(points[hull.vertices], grid.centre(np.moveaxis(np.indices(shape), 0, -1)))
+    return lies_within(points[hull.vertices], grid.centre(np.moveaxis(np.indices(shape), 0, -1)))
