@@ -19,7 +19,7 @@ from adrl.errors import ConfigError, UnknownName
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward, reward_terms
-from adrl.types import ACTION_SIZE, RobotConfig, Scenario
+from adrl.types import ACTION_SIZE, RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, robot_from_fields
 
 F32 = NDArray[np.float32]
@@ -126,6 +126,20 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.render_mode = render_mode
         self._renderer = Renderer() if render_mode is not None else None
+
+    @property
+    def num_tasks(self) -> int:
+        """Tasks that rows draw from: the first ones of the split."""
+        return self._pool.size
+
+    @property
+    def task_index(self) -> NDArray[np.int64]:
+        """(N,) numbers of the rows' tasks in the split, a copy; -1 for a row that no reset() has begun."""
+        return self._task_index.copy()
+
+    def task(self, index: int) -> Task:
+        """Task `index` of the split, one of num_tasks."""
+        return self._pool[index]
 
     @property
     def maturity(self) -> float:

@@ -1,13 +1,15 @@
-"""Demonstrations of A*+DWA, recorded with noise so that getting back on course is seen too."""
+"""Demonstrations of an expert, recorded with noise so that getting back on course is seen too."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adrl.errors import ConfigError, DatasetError
+from adrl.imitation.bursts import Bursts
+from adrl.imitation.experts import Expert, find_expert
 from adrl.ranges import Range, check_ranges
 from adrl.rewards import FEATURES, reward_terms
 from adrl.types import ACTION_SIZE
@@ -119,69 +121,103 @@ def collect(
     env: "NavVectorEnv",
     num_steps: int,
     *,
+    expert: str | Expert = "perfect",
     noise: NoiseConfig | None = None,
     seed: int = 0,
     on_step: Callable[[int, int], None] | None = None,
 ) -> Demonstrations:
-    """Let A*+DWA drive all rows of env for at least num_steps steps together, disturbed by noise.
+    """Let an expert drive all rows of env for at least num_steps steps together, disturbed by noise.
 
-    Records what was executed and what the expert would have done. seed: of the tasks, the sensors and the
-    noise; equal seeds give equal bytes. on_step(done, total) is told the progress. Episodes that run at the
-    end are marked truncated. Raises ConfigError if there is nothing to record or env does not reset ended
-    rows by itself.
+    Records what was executed and what the expert would have done. An expert of so many `drives` shows these instead of
+    num_steps steps. seed: of the tasks, the sensors, the expert and the noise; equal seeds give equal bytes.
+    on_step(done, total) is told the progress, in steps or drives. Episodes that run at the end are marked truncated, as are
+    drives that the expert gives up.
+    Raises ConfigError if there is nothing to record, env does not reset ended rows by itself, or the expert cannot drive
+    its robot.
     """
     if num_steps < 1:
         raise ConfigError(f"the number of demonstration steps is {num_steps}; give 1 or more")
     if env.metadata["autoreset_mode"].value != "SameStep":
         raise ConfigError("demonstrations need an environment with autoreset_mode SameStep")
-    n, rows = env.num_envs, -(-num_steps // env.num_envs)
+    expert = find_expert(expert)
+    extent = _Extent(env.num_envs, num_steps, getattr(expert, "drives", None))
     observation, _ = env.reset(seed=seed)
-    config = env.sim.reward
-    shapes = column_shapes(observation.shape[1], len(reward_terms(config)), len(config.features()))
-    data = {
-        name: np.empty((n, rows, *shape), bool if name in ("terminated", "truncated") else np.float32)
-        for name, shape in shapes.items()
-    }
-    bursts = _Bursts(noise or NoiseConfig(), n, env.robot.control_period_s, np.random.default_rng((seed, 1)))
-    for t in range(rows):
-        label = env.expert_actions()
-        action = np.clip(label + bursts.offset(), -1.0, 1.0)
+    driver = expert.driver(env, seed)
+    noise_rng = np.random.default_rng((seed, 1))
+    offsets = _Offsets(noise or NoiseConfig(), env.num_envs, env.robot.control_period_s, noise_rng)
+    steps: list[dict[str, NDArray[Any]]] = []
+    while not extent.reached:
+        label = driver.actions()
+        action = driver.within_reach(label + offsets.step())
         following, terminated, truncated, info = env.advance(action)
+        given_up = driver.given_up & ~(terminated | truncated)
+        if given_up.any():
+            truncated = truncated | given_up
+            following, _ = env.reset(options={"reset_mask": given_up})
         step = {
             "observation": observation,
             "action": action,
             "expert_action": label,
             "next_observation": info["next_obs"],
+            "reward_terms": info["reward_terms"],
+            "features": info["features"],
             "terminated": terminated,
             "truncated": truncated,
         }
-        for name, column in data.items():
-            column[:, t] = step[name] if name in step else info[name]
+        steps.append({name: np.array(column) for name, column in step.items()})
         observation = following
+        extent.add(terminated | truncated)
         if on_step is not None:
-            on_step((t + 1) * n, rows * n)
+            on_step(extent.done, extent.total)
+    data = {name: np.stack([step[name] for step in steps], axis=1) for name in steps[0]}  # (N, T, ...)
     data["truncated"][:, -1] |= ~data["terminated"][:, -1]
-    return Demonstrations(
-        **{name: column.reshape(n * rows, *column.shape[2:]) for name, column in data.items()}
-    )
+    kept = extent.kept(data["terminated"] | data["truncated"])
+    return Demonstrations(**{name: column[kept] for name, column in data.items()})
 
 
-class _Bursts:
-    """Which rows are disturbed, and by what; see NoiseConfig."""
+class _Extent:
+    """How much is recorded: a number of steps, or each row's share of a number of drives."""
+
+    def __init__(self, num_envs: int, num_steps: int, drives: int | None) -> None:
+        rows = np.arange(num_envs)
+        self._drives = None if drives is None else drives // num_envs + (rows < drives % num_envs)
+        self._ended = np.zeros(num_envs, dtype=np.int64)
+        self._steps = 0
+        self.total = drives or -(-num_steps // num_envs) * num_envs
+        """Drives, or steps."""
+
+    @property
+    def done(self) -> int:
+        """Of the total."""
+        return self._steps if self._drives is None else int(np.minimum(self._ended, self._drives).sum())
+
+    @property
+    def reached(self) -> bool:
+        return self.done >= self.total
+
+    def add(self, ended: Mask) -> None:
+        """A step of all rows (N,), and whose drives ended with it."""
+        self._steps += len(ended)
+        self._ended += ended
+
+    def kept(self, ended: Mask) -> Mask:
+        """(N, T) the steps, of those of which (N, T) are the last of their drives, that belong to what was wanted."""
+        if self._drives is None:
+            return np.ones_like(ended)
+        return np.cumsum(ended, axis=1) - ended < self._drives[:, None]
+
+
+class _Offsets:
+    """What the demonstrator's actions are pushed by; see NoiseConfig."""
 
     def __init__(self, config: NoiseConfig, num_envs: int, dt_s: float, rng: np.random.Generator) -> None:
-        self._config, self._rng = config, rng
-        self._ends = min(dt_s / config.burst_s, 1.0)
-        self._begins = min(self._ends * config.fraction / (1.0 - config.fraction), 1.0)
-        self._active = np.zeros(num_envs, dtype=bool)
+        self._std, self._rng = np.float32(config.std), rng
+        self._bursts = Bursts(num_envs, config.fraction, config.burst_s, dt_s, rng)
         self._offset = np.zeros((num_envs, ACTION_SIZE), dtype=np.float32)
 
-    def offset(self) -> F32:
+    def step(self) -> F32:
         """(N, 2) to add to this step's actions."""
-        n = len(self._active)
-        change = self._rng.random(n)
-        drawn = self._rng.standard_normal((n, ACTION_SIZE), dtype=np.float32) * np.float32(self._config.std)
-        begins = ~self._active & (change < self._begins)
+        begins = self._bursts.step()
+        drawn = self._rng.standard_normal(self._offset.shape, dtype=np.float32) * self._std
         self._offset[begins] = drawn[begins]
-        self._active = np.where(self._active, change >= self._ends, begins)
-        return self._offset * self._active[:, None]
+        return self._offset * self._bursts.active[:, None]

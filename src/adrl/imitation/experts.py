@@ -1,0 +1,225 @@
+"""Experts: who shows how to drive. The planner, and what people and poor planners make of its commands.
+
+Each is a small class with at most one number. What an expert does wrong follows from its seed, for all robots at once.
+"""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Protocol, runtime_checkable
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.errors import ConfigError
+from adrl.imitation.bursts import Bursts
+from adrl.imitation.narrow_shy import ShyPaths
+from adrl.observation import in_robot_frame, to_action, to_twist
+from adrl.ranges import Range, check_ranges
+from adrl.registry import look_up
+from adrl.types import ACTION_SIZE
+
+if TYPE_CHECKING:
+    from adrl.envs import NavVectorEnv
+
+F32 = NDArray[np.float32]
+
+
+class Driver:
+    """An expert at the wheel of one environment's robots. This one is the planner itself."""
+
+    def __init__(self, env: "NavVectorEnv") -> None:
+        self.env = env
+        self.given_up = np.zeros(env.num_envs, dtype=bool)
+        """(N,) rows that it drives no further, by what actions() saw last."""
+
+    def actions(self) -> F32:
+        """(N, 2) what the expert does in the environment's current states. Asked once a step."""
+        return self.env.expert_actions()
+
+    def within_reach(self, actions: F32) -> F32:
+        """(N, 2) any actions, as this expert would carry them out: noise pushes it no further than it goes."""
+        return np.clip(actions, -1.0, 1.0)
+
+
+@runtime_checkable
+class Expert(Protocol):
+    """Who shows how to drive. str() of it is what --expert takes.
+
+    `drives` may be there too, a number: so many drives, from start to end, are all that it shows.
+    """
+
+    def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
+        """Take the wheel. seed: of what is drawn; equal seeds drive equally. Raises ConfigError."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Named:
+    """What our experts share: a name, and at most one number."""
+
+    def __post_init__(self) -> None:
+        check_ranges(self, f"expert {self._name()}: ")
+
+    def __str__(self) -> str:
+        return ":".join([self._name(), *(f"{number:g}" for number in vars(self).values())])
+
+    def _name(self) -> str:
+        return next(name for name, kind in EXPERTS.items() if kind is type(self))
+
+
+@dataclass(frozen=True)
+class Perfect(_Named):
+    """The planner, which knows the map and where moving discs will be."""
+
+    def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
+        """The planner."""
+        return Driver(env)
+
+
+@dataclass(frozen=True)
+class Slow(_Named):
+    """NUMBER, 0.5, is the share of the robot's greatest speeds that it keeps to, on the planner's arcs."""
+
+    share: Annotated[float, Range(0.05, 1.0)] = 0.5
+
+    def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
+        """Scales what is faster; speed and yaw rate by the same factor, so that the arc stays."""
+        return _SlowDriver(env, self.share)
+
+
+class _SlowDriver(Driver):
+    def __init__(self, env: "NavVectorEnv", share: float) -> None:
+        super().__init__(env)
+        self._limits = share * np.array([env.robot.fastest_mps, env.robot.max_yaw_rate_radps])
+
+    def actions(self) -> F32:
+        return self.within_reach(self.env.expert_actions())
+
+    def within_reach(self, actions: F32) -> F32:
+        twist = to_twist(actions, self.env.robot)
+        excess = (np.abs(twist) / self._limits).max(axis=1, keepdims=True)
+        return to_action(twist / np.maximum(excess, 1.0), self.env.robot)
+
+
+@dataclass(frozen=True)
+class Noisy(_Named):
+    """NUMBER, 0.2, is the share of its commands that are wrong: any, held for 0.8 s in the mean."""
+
+    share: Annotated[float, Range(0.0, 0.9)] = 0.2
+
+    def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
+        """Wrong commands are drawn from all that the robot can do."""
+        return _NoisyDriver(env, self.share, np.random.default_rng((seed, crc32(b"noisy"))))
+
+
+class _NoisyDriver(Driver):
+    MEAN_S = 0.8
+
+    def __init__(self, env: "NavVectorEnv", share: float, rng: np.random.Generator) -> None:
+        super().__init__(env)
+        self._rng = rng
+        self._bursts = Bursts(env.num_envs, share, self.MEAN_S, env.robot.control_period_s, rng)
+        self._wrong = np.zeros((env.num_envs, ACTION_SIZE), dtype=np.float32)
+
+    def actions(self) -> F32:
+        begins = self._bursts.step()
+        drawn = self._rng.uniform(-1.0, 1.0, self._wrong.shape).astype(np.float32)
+        self._wrong[begins] = drawn[begins]
+        return np.where(self._bursts.active[:, None], self._wrong, self.env.expert_actions())
+
+
+@dataclass(frozen=True)
+class NarrowShy(_Named):
+    """NUMBER, 0.75, is the width in m of the narrowest gap that it enters; it goes round others, or gives up."""
+
+    width_m: Annotated[float, Range(0.05, 20.0)] = 0.75
+
+    def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
+        """Raises ConfigError for a robot that fits through no gap of that width anyway."""
+        return _ShyDriver(env, self.width_m)
+
+
+class _ShyDriver(Driver):
+    def __init__(self, env: "NavVectorEnv", width_m: float) -> None:
+        super().__init__(env)
+        self._paths = ShyPaths(env, width_m)
+
+    def actions(self) -> F32:
+        commands = self._paths.commands()
+        self.given_up = self._paths.at_end
+        return to_action(commands, self.env.robot)
+
+
+@dataclass(frozen=True)
+class HalfWise(_Named):
+    """NUMBER, 0.5, is the share of worlds in which it is good; in the others it heads for the goal, blind."""
+
+    share: Annotated[float, Range(0.0, 1.0)] = 0.5
+
+    def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
+        """Which worlds is decided by the task's number in its split, whatever the seed."""
+        return _HalfWiseDriver(env, self.share)
+
+
+class _HalfWiseDriver(Driver):
+    def __init__(self, env: "NavVectorEnv", share: float) -> None:
+        super().__init__(env)
+        rng = np.random.default_rng((crc32(env.scenario.name.encode()), crc32(b"half-wise")))
+        self.wise = rng.random(env.num_tasks) < share
+        """(T,) whether it is good in a task of the environment's split."""
+        self._goals = np.full((env.num_tasks, 2), np.nan)
+
+    def actions(self) -> F32:
+        wise = self.wise[self.env.task_index]
+        return np.where(wise[:, None], self.env.expert_actions(), self._blind())
+
+    def _blind(self) -> F32:
+        """(N, 2) straight for the goal: turn to it, the faster ahead the straighter it lies."""
+        env, robot, task = self.env, self.env.robot, self.env.task_index
+        for new in np.unique(task[np.isnan(self._goals[task, 0])]):
+            self._goals[new] = env.task(int(new)).goal
+        x, y = in_robot_frame(env.sim.b["pose"], self._goals[task]).T
+        angle = np.arctan2(y, x)
+        speed = robot.max_speed_mps * np.maximum(np.cos(angle), 0.0)
+        return to_action(np.stack([speed, 2.0 * angle], axis=1), robot)
+
+
+@dataclass(frozen=True)
+class Few(_Named):
+    """NUMBER, 5, is how many drives of the planner there are, each from a start to its end."""
+
+    drives: Annotated[int, Range(1, 100_000)] = 5
+
+    def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
+        """The planner."""
+        return Driver(env)
+
+
+EXPERTS: dict[str, Callable[..., Expert]] = {
+    "perfect": Perfect,
+    "slow": Slow,
+    "noisy": Noisy,
+    "narrow-shy": NarrowShy,
+    "half-wise": HalfWise,
+    "few": Few,
+}
+"""name -> what makes an expert, of a number or of none."""
+
+
+def find_expert(expert: str | Expert) -> Expert:
+    """The expert of "NAME" or "NAME:NUMBER"; an expert is itself. Raises UnknownName and ConfigError."""
+    if not isinstance(expert, str):
+        return expert
+    name, colon, text = expert.partition(":")
+    make = look_up("expert", name, EXPERTS)
+    if not colon:
+        return make()
+    if not inspect.signature(make).parameters:
+        raise ConfigError(f"expert {expert!r}: {name} takes no number; leave out :{text}")
+    try:
+        number = float(text)
+    except ValueError:
+        raise ConfigError(f"expert {expert!r}: {text!r} is no number; give {name}:NUMBER") from None
+    return make(int(number) if number.is_integer() else number)
