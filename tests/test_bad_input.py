@@ -50,6 +50,8 @@ class TestNumbers:
             (("--steps", "64", "--num-envs", "0"), ("num_envs is 0", "give 1 or more")),
             (("--steps", "64", "--task-pool", "0"), ("task_pool is 0", "give 1 or more")),
             (("--steps", "64", "--demonstration-steps", "0"), ("demonstration_steps is 0", "needs")),
+            (("--steps", "64", "--expert", "slow:2"), ("share is 2", "give 0.4 to 1")),
+            (("--steps", "64", "--expert", "quick"), ("unknown expert 'quick'", "slow")),
             (("--steps", "64", "--td3.gamma", "nan"), ("gamma is nan", "give")),
             (("--steps", "64", "--td3.actor-learning-rate", "nan"), ("actor_learning_rate is nan", "give")),
             (("--steps", "64", "--exploration-std", "nan", "0.4"), ("exploration_std", "give")),
@@ -122,3 +124,7 @@ def test_a_discount_under_which_crashing_pays_is_refused(capsys):
     assert "give one of scenario, map, world and barn" in capsys.readouterr().err
     assert run_cli("train", "--steps", 64, "--method", "td3", "--dataset", "x") == 2
     assert "leave out dataset" in capsys.readouterr().err
+    assert run_cli("train", "--steps", 64, "--method", "td3", "--expert", "slow") == 2
+    assert "leave out expert" in capsys.readouterr().err
+    assert run_cli("train", "--steps", 64, "--dataset", "x", "--expert", "slow") == 2
+    assert "leave one out" in capsys.readouterr().err

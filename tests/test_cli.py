@@ -268,6 +268,19 @@ class TestTrain:
         config = json.loads((out / "config.json").read_text())
         assert config["settings"]["dataset"] == str(data)
         assert config["env_steps"] == 4096
+        assert config["settings"]["expert"] == "perfect"
+
+    @pytest.mark.parametrize("expert", ["slow:0.5", "few:2"])
+    def test_training_from_an_imperfect_expert(self, run: Path, tmp_path: Path, expert: str) -> None:
+        """It is another policy, the run says whose it is, and going on takes the same expert."""
+        out = tmp_path / "run"
+        assert run_cli(*TRAIN, "--expert", expert, "--out", out) == 0
+        assert json.loads((out / "config.json").read_text())["settings"]["expert"] == expert
+        policies = [(folder / "policy.safetensors").read_bytes() for folder in (run, out)]
+        assert policies[0] != policies[1]
+        more = (*TRAIN, "--steps", 5120, "--resume", "--out", out)
+        assert run_cli(*more) == 2, "other demonstrations"
+        assert run_cli(*more, "--expert", expert) == 0
 
 
 class TestEvaluate:

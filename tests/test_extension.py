@@ -16,6 +16,7 @@ import dataclasses
 
 import numpy as np
 
+from adrl.imitation import Driver
 from adrl.observation import Mirror
 from adrl.rewards import RewardTerm
 from adrl.types import RobotConfig
@@ -48,6 +49,28 @@ CALM = RewardTerm(
     features={"busy": lambda step, config: np.clip(step.quantities["turning"], 0.0, 1.0)},
     quantities={"turning": lambda sim: np.abs(sim.b["twist"][:, 1])},
 )
+
+
+class Hasty(Driver):
+    """Full speed ahead."""
+
+    def actions(self):
+        return np.tile(np.array([self.speed, 0.0], np.float32), (self.env.num_envs, 1))
+
+
+@dataclasses.dataclass(frozen=True)
+class AtSpeed:
+    """Drives straight on, at so much of the greatest speed."""
+
+    speed: float = 1.0
+
+    def __str__(self):
+        return f"hasty:{self.speed}"
+
+    def driver(self, env, seed):
+        driver = Hasty(env)
+        driver.speed = self.speed
+        return driver
 
 
 class Clearest:
@@ -110,6 +133,7 @@ OFFERED = {
     "adrl.robots": "courier = outside:ROBOT",
     "adrl.scenarios": "yard = outside:YARD",
     "adrl.methods": "in-haste = outside:in_haste",
+    "adrl.experts": "hasty = outside:AtSpeed",
     "adrl.reward_terms": "calm = outside:CALM",
     "adrl.observation_components": "clearest = outside:Clearest",
     "adrl.policies": "straight = outside:STRAIGHT",
@@ -146,7 +170,16 @@ def adrl(site: Path, *arguments: str) -> str:
 
 def test_what_a_package_offers_is_found_by_kind(site: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(site))
-    kinds = ("robot", "scenario", "method", "reward term", "observation component", "policy", "simulator")
+    kinds = (
+        "robot",
+        "scenario",
+        "method",
+        "expert",
+        "reward term",
+        "observation component",
+        "policy",
+        "simulator",
+    )
     for kind, line in zip(kinds, OFFERED.values(), strict=True):
         assert line.partition(" ")[0] in offered(kind), kind
 
@@ -176,6 +209,8 @@ def test_all_of_it_trains_and_drives(site: Path, tmp_path: Path) -> None:
     row = json.loads((run / "metrics.jsonl").read_text().splitlines()[-1])
     assert row["term/calm"] <= 0.0
     adrl(site, "evaluate", "--policy", str(run), "--scenario", "yard", "--episodes", "4")
+    adrl(site, "collect", "--expert", "hasty:0.5", "--steps", "256", "--out", str(tmp_path / "data"))
+    assert "expert hasty:0.5" in (tmp_path / "data" / "data" / "metadata.json").read_text()
     drive = ("--scenario", "yard", "--robot", "courier", "--episodes", "4", "--json", str(result))
     adrl(site, "evaluate", "--policy", "straight", *drive)
     summary = json.loads(result.read_text())

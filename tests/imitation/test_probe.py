@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
-from adrl.imitation.probe import BoundsTable, record_probe
+from adrl.imitation.demonstrations import Demonstrations, column_shapes
+from adrl.imitation.probe import BoundsTable, as_shown, record_probe
 from adrl.rewards import RewardConfig, reward
 from probe_envs import PLAIN, Aim, Endless, Walk
 
@@ -69,3 +70,34 @@ def test_values_follow_the_weights_of_today():
     values = [probe.random.value(s, GAMMA, config) for s in (0.0, 1.0)]
     assert values == pytest.approx([by_hand(0.0), by_hand(1.0)], rel=1e-4)
     assert values[0] != pytest.approx(values[1], rel=1e-3)
+
+
+def test_what_recorded_drives_earned_by_hand():
+    """Two drives of 60 and 10 steps that pay 1 a step: from stops every 25 steps, each to its drive's end."""
+    steps = 70
+    ended = np.zeros(steps, dtype=bool)
+    ended[[59, 69]] = True
+    terms = np.zeros((steps, 6), np.float32)
+    terms[:, 0] = 1.0
+    drives = recording(terms, terminated=ended)
+    shown = as_shown(drives, max_steps=40)
+    left = sorted(shown.alive.sum(axis=0))
+    assert left == [10, 10, 35, 40]
+    by_hand = np.mean([sum(GAMMA**t for t in range(steps)) for steps in left])
+    assert_allclose(shown.value(0.5, GAMMA, PLAIN), by_hand, rtol=1e-5)
+
+
+def test_a_recording_that_was_cut_off_counts_as_far_as_it_tells():
+    steps = 100
+    cut = np.zeros(steps, dtype=bool)
+    cut[-1] = True
+    terms = np.ones((steps, 6), np.float32)
+    assert sorted(as_shown(recording(terms, truncated=cut), 60).alive.sum(axis=0)) == [60, 60]
+    assert sorted(as_shown(recording(terms, truncated=cut), 400).alive.sum(axis=0)) == [25, 50, 75, 100]
+
+
+def recording(terms: NDArray[np.float32], **ends: NDArray[np.bool_]) -> Demonstrations:
+    steps = len(terms)
+    zeros = {"terminated": np.zeros(steps, dtype=bool), "truncated": np.zeros(steps, dtype=bool)}
+    columns = {name: np.zeros((steps, *shape), np.float32) for name, shape in column_shapes(2, 6, 3).items()}
+    return Demonstrations(**columns | zeros | ends | {"reward_terms": terms})

@@ -11,6 +11,7 @@ from adrl.commands.progress import console
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError
 from adrl.imitation import BagSummary, BagTopics, Source, collect, read_demonstrations, save_minari
+from adrl.imitation.experts import PERFECT
 from adrl.observation import EncoderConfig
 from adrl.outputs import require_folder
 from adrl.worlds import load_robot
@@ -28,14 +29,16 @@ class CollectOptions(Place):
     guidance: Literal["goal", "replan", "map"] | None = None
     """What the observations show: the final goal (replan: its own waypoint when blocked), or one on the A* path. Left
     out: map with --map or --world, else goal, as adrl train has it."""
+    expert: str = PERFECT
+    """Who drives: NAME or NAME:NUMBER, as slow:0.5 (adrl list)."""
     steps: int = 20_000
-    """Environment steps to record."""
+    """Environment steps to record; of the expert few its drives, whatever they take."""
     seed: int = 0
     """Of tasks, noise and robots."""
     num_envs: int = 64
     """Robots driven side by side."""
     bag: tuple[Path, ...] = ()
-    """ROS 1 bags or folders of ROS 2 bags of a robot that somebody drove, instead of A*+DWA in the simulator (extra
+    """ROS 1 bags or folders of ROS 2 bags of a robot that somebody drove, instead of an expert in the simulator (extra
     bags)."""
     scan_topic: str = SCAN_TOPIC
     """Topic of the bags' scans, LaserScan."""
@@ -75,7 +78,7 @@ def main(arguments: Sequence[str]) -> int:
         CollectOptions,
         arguments,
         "collect",
-        "Record demonstrations as a Minari dataset: of A*+DWA in the simulator, or from bags of your robot.",
+        "Record demonstrations as a Minari dataset: of an expert in the simulator, or from bags of your robot.",
     )
     require_folder("--out", options.out)
     _refuse_others(options)
@@ -109,8 +112,8 @@ def _from_simulator(options: CollectOptions) -> int:
         encoder=options.encoder,
         task_priority=0.0,
     )
-    demonstrations = collect(env, options.steps, seed=options.seed)
-    save_minari(demonstrations, options.out, Source.of(env, seed=options.seed))
+    demonstrations = collect(env, options.steps, expert=options.expert, seed=options.seed)
+    save_minari(demonstrations, options.out, Source.of(env, expert=options.expert, seed=options.seed))
     console().print(f"{len(demonstrations)} steps, {int(demonstrations.success.sum())} arrivals")
     if int(demonstrations.ended.sum()) == options.num_envs and not demonstrations.terminated.any():
         length = len(demonstrations) // options.num_envs

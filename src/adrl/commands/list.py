@@ -9,6 +9,7 @@ from adrl.baselines import SB3_METHODS
 from adrl.baselines.planners import PLANNERS
 from adrl.commands.options import parse
 from adrl.deploy.policy import SHIPPED
+from adrl.imitation.experts import EXPERTS
 from adrl.registry import offered
 from adrl.simulators import SIMULATORS
 from adrl.types import GUIDANCE, RobotConfig
@@ -26,6 +27,7 @@ def main(arguments: Sequence[str]) -> int:
     _section("robots", {name: _numbers(robot) for name, robot in ROBOTS.items()}, "robot")
     _section("scenarios", _first_lines(SCENARIOS), "scenario")
     _section("methods", _first_lines(METHODS), "method")
+    _section("experts", _first_lines(EXPERTS), "expert")
     baselines = {name: f"{baseline}, in adrl compare" for name, baseline in SB3_METHODS.items()}
     _section("baselines", baselines)
     _section("reward terms of other packages", {}, "reward term")

@@ -16,12 +16,15 @@ from adrl.comparison.ray_pool import require_ray, run_on_ray
 from adrl.comparison.results import markdown, method_rows, read_runs
 from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.evaluation.results import write_table
+from adrl.imitation.experts import PERFECT
 from adrl.json_files import read_json
 from adrl.outputs import locked, require_folder
 from adrl.types import without_constants
 
 SCHEMA_VERSION = 1
 SETTINGS_FILE = "settings.json"
+UNKNOWN_BEFORE = {"expert": PERFECT}
+"""What the settings of older results do not name, and what it was."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +100,7 @@ def claim(config: CompareConfig, folder: Path) -> None:
             raise CheckpointError(
                 f"{path} {error}; these are not the settings of a comparison: give another folder"
             ) from None
-        found = without_constants(CompareConfig, content["settings"])
+        found = UNKNOWN_BEFORE | without_constants(CompareConfig, content["settings"])
         known = {name: without_constants(TrainConfig, of) for name, of in content["methods"].items()}
         if lines := differences(found, settings):
             raise ConfigError(

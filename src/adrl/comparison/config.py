@@ -15,6 +15,7 @@ from adrl.baselines.planners import PLANNER, PLANNERS
 from adrl.baselines.tuned import TUNED
 from adrl.deploy.policies import find_policy
 from adrl.errors import ConfigError, UnknownName
+from adrl.imitation.experts import PERFECT, find_expert
 from adrl.registry import look_up
 from adrl.runs import RunConfig
 from adrl.types import GUIDANCE
@@ -111,7 +112,7 @@ class CompareConfig(RunConfig):
         known = "td3" if method in SB3_METHODS else method
         values |= {"method": known, "out": out, "learner": replace(self.learner, seed=seed)}
         if not method_config(known, self.learner).schedule.imitates:
-            values["dataset"] = None
+            values |= {"dataset": None, "expert": PERFECT}
         return RunConfig(**values)
 
     def title(self) -> str:
@@ -131,6 +132,7 @@ class CompareConfig(RunConfig):
     def settings(self) -> dict[str, Any]:
         """What all results in one folder must share: neither methods nor seeds, nor where they are made."""
         content = self.document()
+        content["expert"] = str(find_expert(self.expert))
         for name in NOT_SHARED:
             del content[name]
         del content["learner"]["seed"]

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from adrl.errors import ConfigError, DatasetError
 from adrl.imitation.bursts import Bursts
-from adrl.imitation.experts import Expert, find_expert
+from adrl.imitation.experts import PERFECT, Expert, find_expert
 from adrl.ranges import Range, check_ranges
-from adrl.rewards import FEATURES, reward_terms
+from adrl.rewards import FEATURES
 from adrl.types import ACTION_SIZE
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def collect(
     env: "NavVectorEnv",
     num_steps: int,
     *,
-    expert: str | Expert = "perfect",
+    expert: str | Expert = PERFECT,
     noise: NoiseConfig | None = None,
     seed: int = 0,
     on_step: Callable[[int, int], None] | None = None,
@@ -130,10 +130,9 @@ def collect(
 
     Records what was executed and what the expert would have done. An expert of so many `drives` shows these instead of
     num_steps steps. seed: of the tasks, the sensors, the expert and the noise; equal seeds give equal bytes.
-    on_step(done, total) is told the progress, in steps or drives. Episodes that run at the end are marked truncated, as are
-    drives that the expert gives up.
-    Raises ConfigError if there is nothing to record, env does not reset ended rows by itself, or the expert cannot drive
-    its robot.
+    on_step(done, total) is told the progress, in steps or drives. Episodes that run at the end are marked truncated,
+    as are drives that the expert gives up. Raises ConfigError if there is nothing to record, env does not reset ended
+    rows by itself, or the expert cannot drive its robot.
     """
     if num_steps < 1:
         raise ConfigError(f"the number of demonstration steps is {num_steps}; give 1 or more")

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from adrl.errors import AdrlError, DatasetError, FileError
 from adrl.files import require_ordinary, sync
 from adrl.imitation.demonstrations import Demonstrations
+from adrl.imitation.experts import PERFECT, Expert, find_expert
 from adrl.json_files import checked, parse_json, read_json
 from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.registration import ENV_ID
@@ -57,16 +58,17 @@ class Source:
     """Anything else worth keeping, as JSON takes it: seed, noise, split, ..."""
 
     @classmethod
-    def of(cls, env: "NavVectorEnv", **extra: Any) -> "Source":
-        """What env records."""
+    def of(cls, env: "NavVectorEnv", *, expert: str | Expert = PERFECT, **extra: Any) -> "Source":
+        """What env records of an expert."""
         sim = env.sim
         return cls(
             robot=sim.robot,
             encoder=sim.encoder.config,
             guidance=sim.guidance,
             scenario=env.scenario.name,
+            demonstrator=f"A*+DWA, expert {find_expert(expert)}, with noise",
             worlds=tuple(sorted(training_fingerprints(env.scenario))),
-            extra=extra,
+            extra={"expert": str(find_expert(expert))} | extra,
         )
 
     def description(self) -> dict[str, Any]:

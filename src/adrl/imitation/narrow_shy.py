@@ -37,8 +37,8 @@ class ShyPaths:
         self._env, self._width_m = env, width_m
         self._b = sim.b | {name: sim.b[name].copy() for name in WRITTEN}
         config = sim_config(robot, "goal")
-        # A way round an obstacle that keeps half the width off it is longer than this. So the point to head for is never
-        # seen through a gap that the way goes round.
+        # A way round an obstacle, half the width off it, is longer than this: the point to head for is never seen
+        # through a gap that the way goes round.
         config.dwa_lookahead_m = min(config.dwa_lookahead_m, width_m)
         self._guide = _core.BatchSim(env.num_envs, sim.num_threads, robot.native, config, self._b)
         self._ways: dict[int, Array] = {}
@@ -77,8 +77,8 @@ class ShyPaths:
 def shy_way(task: Task, robot: RobotConfig, width_m: float) -> Array:
     """(P, 2) shortest way from the task's start through no gap narrower than width_m, moving discs left out.
 
-    To the goal, or to where it comes nearest to it. Start and goal may be close to an obstacle: it is enough that a free
-    disc of that width holds them. A start in a narrower place is the whole way.
+    To the goal, or to where it comes nearest to it. Start and goal may be close to an obstacle: it is enough that a
+    free disc of that width holds them. A start in a narrower place is the whole way.
     """
     radius_m = max(0.5 * width_m, robot.circumscribed_radius_m)  # no less than the planner keeps
     limit_m = inflation_m(radius_m, MAX_RESOLUTION_M)
@@ -105,7 +105,9 @@ def _nearest_reachable(space: FreeSpace, start: Cell, goal: tuple[float, float])
     from scipy import ndimage
 
     regions = np.empty(space.blocked.shape, dtype=np.int32)
-    ndimage.label(space.blocked == 0, output=regions)  # four neighbours: A* moves diagonally only between free ones
+    ndimage.label(
+        space.blocked == 0, output=regions
+    )  # four neighbours: A* moves diagonally only between free ones
     cells: NDArray[np.intp] = np.argwhere(regions == regions[start])
     row, column = cells[np.argmin(((space.grid.centre(cells) - goal) ** 2).sum(axis=1))]
     return int(row), int(column)

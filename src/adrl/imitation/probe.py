@@ -1,4 +1,4 @@
-"""The probe: fixed states along the expert's routes, and what chance and the expert earn from them (eq 13).
+"""The probe: fixed states along an expert's routes, and what chance and the expert earn from them (eq 13).
 
 Not start states alone: with a horizon of five seconds the value of a start says little about arriving.
 """
@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from adrl.imitation.demonstrations import Demonstrations
 from adrl.imitation.schedule import Bounds
 from adrl.rewards import RewardConfig, reward
 
@@ -97,19 +98,25 @@ STOPS, STOP_STEPS = 8, 25
 """A state of the probe lies 0, 25, ..., 175 steps down the expert's way: a copy of the whole state each is enough."""
 
 
+MOST_STOPS = 1024
+"""More of them would make no mean of recorded returns better."""
+
+
 def probe_steps(gamma: float) -> int:
     """Steps after which CUT_SHARE of a discounted return is left: what they would add is little."""
     return LONGEST if gamma >= 1.0 else min(round(math.log(CUT_SHARE) / math.log(max(gamma, 1e-6))), LONGEST)
 
 
-def record_probe(env: ProbeEnv, seed: int, max_steps: int) -> Probe:
+def record_probe(env: ProbeEnv, seed: int, max_steps: int, act: Callable[[], F32] | None = None) -> Probe:
     """Run a random policy and the expert from the same num_envs / 2 states, at most max_steps each; see probe_steps.
 
     Both at once, the first half of the rows at random: a step costs hardly more for twice the rows. A random action is
-    held for ten steps: drawn anew each step it would average out to standing still.
+    held for ten steps: drawn anew each step it would average out to standing still. act: the expert's actions in the
+    current states; env.expert_actions when None.
     """
+    act = act or env.expert_actions
     rng = np.random.Generator(np.random.PCG64(seed))
-    observation, start = _along_routes(env, seed, rng)
+    observation, start = _along_routes(env, seed, rng, act)
     half = env.num_envs // 2
     for array in start.values():
         if len(array) == env.num_envs:  # the rest, such as a random generator, is of no row
@@ -120,7 +127,7 @@ def record_probe(env: ProbeEnv, seed: int, max_steps: int) -> Probe:
     def actions(step: int) -> F32:
         if step % 10 == 0:
             held[:] = rng.uniform(-1.0, 1.0, size=held.shape)
-        chosen = np.array(env.expert_actions(), dtype=np.float32)
+        chosen = np.array(act(), dtype=np.float32)
         chosen[:half] = held
         return chosen
 
@@ -132,14 +139,41 @@ def record_probe(env: ProbeEnv, seed: int, max_steps: int) -> Probe:
     return Probe(observation=observation[:half], random=random, expert=expert)
 
 
-def _along_routes(env: ProbeEnv, seed: int, rng: np.random.Generator) -> tuple[F32, dict[str, NDArray[Any]]]:
+def as_shown(demonstrations: Demonstrations, max_steps: int) -> Rollouts:
+    """What the drives themselves earned, from stops along each: of an expert that cannot be asked for more.
+
+    Stops near the end of a recording that was cut off tell less than max_steps steps; they are left out, if there are
+    others.
+    """
+    last = np.flatnonzero(demonstrations.ended)
+    first = np.concatenate([[0], last[:-1] + 1])
+    stops = first[:, None] + STOP_STEPS * np.arange(STOPS)  # (drives, STOPS)
+    end = np.broadcast_to(last[:, None] + 1, stops.shape)
+    within = stops < end
+    start, end = stops[within], end[within]
+    whole = demonstrations.terminated[end - 1] | (start + max_steps <= end)
+    if whole.any():
+        start, end = start[whole], end[whole]
+    chosen = np.linspace(0, len(start) - 1, min(len(start), MOST_STOPS)).astype(np.intp)
+    start, end = start[chosen], end[chosen]
+    step = start + np.arange(min(max_steps, int((end - start).max())))[:, None]  # (T, P)
+    alive = step < end
+    step = np.where(alive, step, start)
+    return Rollouts(
+        terms=demonstrations.reward_terms[step], features=demonstrations.features[step], alive=alive
+    )
+
+
+def _along_routes(
+    env: ProbeEnv, seed: int, rng: np.random.Generator, act: Callable[[], F32]
+) -> tuple[F32, dict[str, NDArray[Any]]]:
     """Observations (P, D) and states of rows that the expert has driven for different times, each as it was then."""
     observation, _ = env.reset(seed=seed)
     chosen, state = np.array(observation, dtype=np.float32), env.state()
     stop = rng.integers(STOPS, size=env.num_envs)
     for number in range(1, STOPS):
         for _ in range(STOP_STEPS):
-            observation = env.advance(env.expert_actions())[0]
+            observation = env.advance(act())[0]
         rows = stop == number
         chosen[rows] = observation[rows]
         for name, array in env.state().items():

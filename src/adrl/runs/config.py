@@ -9,6 +9,7 @@ import tyro
 from adrl.agents.config import TrainConfig
 from adrl.agents.methods import Method, method_config, method_name
 from adrl.errors import ConfigError
+from adrl.imitation.experts import PERFECT, Expert, find_expert
 from adrl.observation import EncoderConfig
 from adrl.outputs import as_paths
 from adrl.planning.replanner_config import ReplannerConfig
@@ -48,8 +49,10 @@ class RunConfig(Place):
     """Worlds to train in, the first ones of the training split."""
     task_priority: ClassVar[float] = 1.0
     """Draw tasks that failed lately more often: chances are 0.1 + task_priority * failure rate; 0 for all alike."""
+    expert: Annotated[str | Expert, tyro.conf.arg(constructor=str)] = PERFECT
+    """Who demonstrates: NAME or NAME:NUMBER, as slow:0.5 (adrl list), or the object."""
     demonstration_steps: int = 10_000
-    """Environment steps of A*+DWA demonstrations to collect."""
+    """Environment steps of demonstrations to collect; of the expert few its drives, whatever they take."""
     dataset: Path | None = None
     """Minari dataset of demonstrations to use instead of collecting them."""
     validation_episodes: int = 100
@@ -70,9 +73,15 @@ class RunConfig(Place):
                 raise ConfigError(f"{name} is {getattr(self, name)}; give 1 or more")
         learner = self.resolved()
         _check_horizon(learner)
-        if self.dataset is not None and not learner.schedule.imitates:
+        chosen = find_expert(self.expert) != find_expert(PERFECT)
+        for name, given in (("dataset", self.dataset is not None), ("expert", chosen)):
+            if given and not learner.schedule.imitates:
+                raise ConfigError(
+                    f"method {method_name(self.method)!r} learns without demonstrations; leave out {name}"
+                )
+        if self.dataset is not None and chosen:
             raise ConfigError(
-                f"method {method_name(self.method)!r} learns without demonstrations; leave out dataset"
+                f"expert {self.expert} would drive, and dataset holds what was driven; leave one out"
             )
         if self.demonstration_steps < 0:
             raise ConfigError(f"demonstration_steps is {self.demonstration_steps}; give 0 or more")

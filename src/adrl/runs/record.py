@@ -33,7 +33,8 @@ def about_policy(run: "Run", setup_seconds: Mapping[str, float] | None = None) -
     setup_seconds: wall clock of what came before the first update, told apart.
     """
     config, learner, name = run.config, run.learner, method_name(run.config.method)
-    settings = asdict(replace(config, robot=run.robot.name, guidance=run.guidance)) | {"method": name}
+    settings = asdict(replace(config, robot=run.robot.name, guidance=run.guidance))
+    settings |= {"method": name, "expert": str(run.expert)}
     replans_as_printed = run.guidance != "replan" or run.replanner == run.replanner.literal()
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next

@@ -14,6 +14,7 @@ from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy, resolve_pol
 from adrl.envs import NavVectorEnv, Setting
 from adrl.evaluation.metrics import success_rate
 from adrl.evaluation.rollout import Rewards, rollout
+from adrl.imitation import Expert, find_expert
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards.step import reference_period_s
@@ -37,6 +38,7 @@ class Run:
     guidance: str
     replanner: ReplannerConfig
     encoder: EncoderConfig
+    expert: Expert
     simulator: Simulator | None
     """None for ours."""
     start: MlpPolicy | None
@@ -56,6 +58,7 @@ class Run:
             guidance=guidance,
             replanner=config.resolved_replanner(),
             encoder=config.encoder,
+            expert=find_expert(config.expert),
             simulator=find_simulator(config.env),
             start=None if config.fine_tune is None else load_policy(resolve_policy(config.fine_tune)),
             folder=config.out or _default_folder(config, scenario, robot, guidance),

@@ -12,7 +12,7 @@ from adrl.agents.methods import method_name
 from adrl.envs import Body, NavVectorEnv
 from adrl.errors import ConfigError
 from adrl.imitation import Demonstrations, Source, collect, load_minari
-from adrl.imitation.probe import Probe, probe_steps, record_probe
+from adrl.imitation.probe import Probe, as_shown, probe_steps, record_probe
 from adrl.outputs import locked, require_folder
 from adrl.runs.config import RunConfig
 from adrl.runs.record import versions
@@ -105,7 +105,7 @@ def _train(
     probe = None
     if run.learner.measures_maturity and run.learner.schedule.needs_probe:
         tell("probe")
-        probe = _probe(run)
+        probe = _probe(run, demonstrations)
     about = run.about_policy(
         demonstration_seconds=demonstrated_s - began_s, probe_seconds=time.monotonic() - demonstrated_s
     )
@@ -134,11 +134,19 @@ def _train(
         )
 
 
-def _probe(run: Run) -> Probe:
+def _probe(run: Run, demonstrations: Demonstrations | None) -> Probe:
+    """What chance earns, and the demonstrations: their expert's own drives from the probe's states, or theirs where
+    these are all there is.
+    """
     # Few tasks: a random policy's crashes would call for ever new ones, each to be made.
     task_pool = min(run.config.task_pool, PROBE_STATES)
     env = run.make_env(2 * PROBE_STATES, randomize=False, task_pool=task_pool)
-    return record_probe(env, run.learner.seed, probe_steps(run.learner.td3.gamma))
+    seed, steps = run.learner.seed, probe_steps(run.learner.td3.gamma)
+    probe = record_probe(env, seed, steps, run.expert.driver(env, seed).actions)
+    no_more = run.config.dataset is not None or getattr(run.expert, "drives", None) is not None
+    if demonstrations is not None and no_more:
+        return replace(probe, expert=as_shown(demonstrations, steps))
+    return probe
 
 
 def _demonstrations(run: Run, env: NavVectorEnv) -> Demonstrations:
@@ -149,4 +157,4 @@ def _demonstrations(run: Run, env: NavVectorEnv) -> Demonstrations:
         raise ConfigError(
             f"method {method_name(config.method)!r} needs demonstrations; demonstration_steps is 0"
         )
-    return collect(env, config.demonstration_steps, seed=config.learner.seed)
+    return collect(env, config.demonstration_steps, expert=run.expert, seed=config.learner.seed)
