@@ -1,5 +1,7 @@
 """The probe's bounds are the discounted returns of the two policies from the same starts."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -98,6 +100,8 @@ def test_a_recording_that_was_cut_off_counts_as_far_as_it_tells():
 
 def recording(terms: NDArray[np.float32], **ends: NDArray[np.bool_]) -> Demonstrations:
     steps = len(terms)
-    zeros = {"terminated": np.zeros(steps, dtype=bool), "truncated": np.zeros(steps, dtype=bool)}
-    columns = {name: np.zeros((steps, *shape), np.float32) for name, shape in column_shapes(2, 6, 3).items()}
-    return Demonstrations(**columns | zeros | ends | {"reward_terms": terms})
+    columns: dict[str, Any] = {
+        name: np.zeros((steps, *shape), np.float32) for name, shape in column_shapes(2, 6, 3).items()
+    }
+    columns |= {"terminated": np.zeros(steps, dtype=bool), "truncated": np.zeros(steps, dtype=bool)}
+    return Demonstrations(**columns | ends | {"reward_terms": terms})
