@@ -99,9 +99,9 @@ def test_a_recording_that_was_cut_off_counts_as_far_as_it_tells():
 
 
 def recording(terms: NDArray[np.float32], **ends: NDArray[np.bool_]) -> Demonstrations:
-    steps = len(terms)
-    columns: dict[str, Any] = {
-        name: np.zeros((steps, *shape), np.float32) for name, shape in column_shapes(2, 6, 3).items()
-    }
-    columns |= {"terminated": np.zeros(steps, dtype=bool), "truncated": np.zeros(steps, dtype=bool)}
-    return Demonstrations(**columns | ends | {"reward_terms": terms})
+    columns: dict[str, Any] = {}
+    for name, shape in column_shapes(2, 6, 3).items():
+        columns[name] = np.zeros((len(terms), *shape), bool if shape == () else np.float32)
+    columns |= ends
+    columns["reward_terms"] = terms
+    return Demonstrations(**columns)

@@ -10,6 +10,7 @@ from adrl import _core
 from adrl.errors import ConfigError
 from adrl.planning.global_planner import Cell, grid_path, inscribed_radius_m, nearest_free, shorten
 from adrl.planning.grid import MAX_RESOLUTION_M, FreeSpace, free_space, inflation_m, planning_grid
+from adrl.planning.local_control import LocalControl, dwa_config
 from adrl.planning.path_guide import sim_config
 from adrl.types import Array, RobotConfig, Task
 
@@ -36,11 +37,14 @@ class ShyPaths:
             )
         self._env, self._width_m = env, width_m
         self._b = sim.b | {name: sim.b[name].copy() for name in WRITTEN}
-        config = sim_config(robot, "goal")
+        config = dwa_config(robot)
         # A way round an obstacle, half the width off it, is longer than this: the point to head for is never seen
         # through a gap that the way goes round.
-        config.dwa_lookahead_m = min(config.dwa_lookahead_m, width_m)
-        self._guide = _core.BatchSim(env.num_envs, sim.num_threads, robot.native, config, self._b)
+        config.lookahead_m = min(config.lookahead_m, width_m)
+        self._control = LocalControl(env.num_envs, robot, config, num_threads=sim.num_threads)
+        self._guide = _core.BatchSim(
+            env.num_envs, sim.num_threads, robot.native, sim_config(robot, "goal"), self._b
+        )
         self._ways: dict[int, Array] = {}
         self._ends_at_goal = np.ones(env.num_envs, dtype=bool)
         self.at_end = np.zeros(env.num_envs, dtype=bool)
@@ -51,12 +55,14 @@ class ShyPaths:
     def commands(self) -> Array:
         """(N, 2) speed and yaw rate in the current states; none for those at_end."""
         env, pose, time_s = self._env, self._b["pose"], self._b["time"]
-        for i in np.flatnonzero((self._task != env.task_index) | (time_s < self._time_s)):
+        begun = np.flatnonzero((self._task != env.task_index) | (time_s < self._time_s))
+        for i in begun:
             self._begin(int(i))
+        self._control.restart(begun)
         self._task, self._time_s = env.task_index, time_s.copy()
         self._guide.follow(pose)
         out = np.zeros((env.num_envs, 2))
-        self._guide.plan(out)
+        self._guide.plan(self._control.native, out)
         self.at_end = ~self._ends_at_goal & (self._b["route_left"] < NEAR_M)
         out[self.at_end] = 0.0
         return out
