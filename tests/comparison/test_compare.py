@@ -20,9 +20,9 @@ from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
 from adrl.comparison.compare import claim, compare
 from adrl.comparison.config import CompareConfig, differences, from_document
-from adrl.comparison.jobs import all_jobs, run_job
+from adrl.comparison.jobs import Job, all_jobs, run_job
 from adrl.comparison.pool import cache_path, log_path, run_all
-from adrl.comparison.results import Run, markdown, method_rows, read_runs
+from adrl.comparison.results import Evaluated, markdown, method_rows, read_runs
 from adrl.deploy.policy import load_policy, resolve_policy
 from adrl.errors import AdrlError, ConfigError, UnknownName
 from adrl.evaluation.metrics import SAMPLES, Episodes
@@ -124,12 +124,12 @@ class TestConfig:
         assert lines == ["learner.td3.gamma: 0.98 there, 0.9 here", "episodes: 500 there, 7 here"]
 
 
-def fake_runs(method: str, successes: list[float], seconds: list[float]) -> list[Run]:
+def fake_runs(method: str, successes: list[float], seconds: list[float]) -> list[Evaluated]:
     summary = {"guidance": "goal", **dict.fromkeys(("collision", "timeout"), 0.0), "spl": 0.5}
     summary |= {"distance_m": None, "time_s": 4.0, "optimality": 1.1}
     summary |= {"train_seconds": 60.0, "env_steps": 10, "gradient_updates": 20}
     return [
-        Run(method, seed, summary | {"success": success}, to_90, {})
+        Evaluated(method, seed, summary | {"success": success}, to_90, {})
         for seed, (success, to_90) in enumerate(zip(successes, seconds, strict=True))
     ]
 
@@ -312,6 +312,12 @@ class TestPoliciesOfOnesOwn:
         path.write_text(path.read_text().replace('"policy_fingerprint": "', '"policy_fingerprint": "0'))
         with pytest.raises(ConfigError, match="policy_fingerprint"):
             claim(CompareConfig(methods="td3", learner=BUDGET, policies="default"), tmp_path)
+
+    def test_no_two_jobs_share_a_folder(self) -> None:
+        called = ["a/b", "a-b", "a//b", "a b", "my:obj", "td3-s0", "./td3-s0", "default", "astar-dwa"]
+        jobs = [*(Job(policy, None) for policy in called), Job("td3", 0), Job("a/b", None)]
+        assert len({job.name for job in jobs}) == len(set(jobs)) == len(called) + 1
+        assert [Job(name, None).name for name in ("default", "a-b")] == ["default", "a-b"]
 
     def test_names_are_told_apart(self, tmp_path: Path) -> None:
         for folder in ("a", "b"):

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from zlib import crc32
 
 from adrl import api, files
 from adrl.agents.budget import BudgetSpent
@@ -41,8 +42,13 @@ class Job:
 
     @property
     def name(self) -> str:
-        """Of its folder."""
-        return re.sub(r"[^\w.-]+", "-", self.method) if self.seed is None else f"{self.method}-s{self.seed}"
+        """Of its folder: no other job has it."""
+        if self.seed is not None:
+            return f"{self.method}-s{self.seed}"
+        readable = re.sub(r"[^\w.-]+", "-", self.method)
+        # Paths may differ in what is left out, or look like a training of ours.
+        is_plain = readable == self.method and not re.search(r"-s\d+$", readable)
+        return readable if is_plain else f"{readable}-{crc32(self.method.encode()):08x}"
 
 
 def all_jobs(config: CompareConfig) -> list[Job]:

@@ -32,7 +32,7 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Run:
+class Evaluated:
     """One evaluation of one training, or of the planner, which has no seed."""
 
     method: str
@@ -44,7 +44,7 @@ class Run:
     """means_on_common_tasks with the planner as the reference; empty without one, and for the planner."""
 
 
-def read_runs(folders: Sequence[Path]) -> list[Run]:
+def read_runs(folders: Sequence[Path]) -> list[Evaluated]:
     """The evaluations in result folders METHOD-sSEED. Raises CheckpointError naming a malformed file."""
     runs = []
     planners = [outcomes(folder) for folder in folders if folder.name == api.PLANNER]
@@ -60,7 +60,7 @@ def read_runs(folders: Sequence[Path]) -> list[Run]:
                 _require_summary(summary)
                 own = driven.get(summary["guidance"])
                 beside = {} if own is None or planner is None else means_on_common_tasks(own, planner)
-                runs.append(Run(method, seed, summary, seconds, beside))
+                runs.append(Evaluated(method, seed, summary, seconds, beside))
         except FileError as error:
             raise CheckpointError(f"{path} {error}; delete it and run again") from None
         except KeyError as error:
@@ -109,7 +109,7 @@ def _seconds_to_90(path: Path) -> float:
     )
 
 
-def method_rows(runs: Sequence[Run]) -> list[Row]:
+def method_rows(runs: Sequence[Evaluated]) -> list[Row]:
     """One row for each method and guidance, in the order of the runs, the planner's last.
 
     Rates, means over seeds with a stratified bootstrap interval `_low`, `_high`; `success_iqm`, `success_worst`;
@@ -117,7 +117,7 @@ def method_rows(runs: Sequence[Run]) -> list[Row]:
     seeds got there; `improvement`: the probability that a seed of ours beats one of this method; the keys of
     means_on_common_tasks, with the planner as the reference. The planner has no seeds: its intervals are over episodes.
     """
-    groups: dict[tuple[str, str], list[Run]] = {}
+    groups: dict[tuple[str, str], list[Evaluated]] = {}
     for run in runs:
         groups.setdefault((run.method, run.summary["guidance"]), []).append(run)
     rows = []
@@ -130,7 +130,7 @@ def method_rows(runs: Sequence[Run]) -> list[Row]:
     return sorted(rows, key=lambda row: row["seeds"] is None)
 
 
-def _method_row(group: list[Run], ours: list[Run] | None) -> Row:
+def _method_row(group: list[Evaluated], ours: list[Evaluated] | None) -> Row:
     row: Row = {"method": group[0].method, "guidance": group[0].summary["guidance"], "seeds": len(group)}
     success = _column(group, "success")
     for name in MEANS:
@@ -153,7 +153,7 @@ def _method_row(group: list[Run], ours: list[Run] | None) -> Row:
     return row
 
 
-def _reference_row(run: Run) -> Row:
+def _reference_row(run: Evaluated) -> Row:
     summary = run.summary
     row: Row = {"method": run.method, "guidance": summary["guidance"], "seeds": None}
     row |= {name + end: summary[name + end] for name in MEANS for end in ("", "_low", "_high")}
@@ -162,7 +162,7 @@ def _reference_row(run: Run) -> Row:
     return row | dict.fromkeys(nothing) | entry("success_iqm", None) | entry("improvement", None)
 
 
-def _column(group: list[Run], name: str) -> list[float]:
+def _column(group: list[Evaluated], name: str) -> list[float]:
     """A metric of each seed; without the seeds where it is undefined, such as the time of no success."""
     values = [run.summary[name] for run in group]
     return [float(value) for value in values if value is not None]
