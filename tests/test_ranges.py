@@ -12,13 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from adrl.agents.config import Td3Config, TrainConfig
+from adrl.deploy.supervisor import SupervisorConfig
 from adrl.errors import ConfigError
 from adrl.imitation.demonstrations import NoiseConfig
 from adrl.imitation.schedule import ScheduleConfig
 from adrl.observation.config import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
-from adrl.ranges import Range, check_ranges, ranges
+from adrl.ranges import Range, check_ranges, ranges, switches
 from adrl.rewards.config import RewardConfig
+from adrl.runs import RunConfig
 from adrl.types import LidarConfig, RobotConfig
 
 CONFIGS = (
@@ -31,17 +33,24 @@ CONFIGS = (
     ScheduleConfig,
     Td3Config,
     TrainConfig,
+    RunConfig,
+    SupervisorConfig,
 )
 EVERY_CONFIG = pytest.mark.parametrize("kind", CONFIGS, ids=lambda kind: kind.__name__)
 NUMBERS = [(kind, name, span) for kind in CONFIGS for name, (span, _, _) in ranges(kind).items()]
 
 
 def docstrings(kind: type) -> dict[str, str]:
-    """Field -> the text below it."""
-    (body,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
-    assert isinstance(body, ast.ClassDef)
+    """Field -> the text below it, those of the classes that it adds to included."""
+    bodies = [
+        ast.parse(textwrap.dedent(inspect.getsource(base))).body[0]
+        for base in reversed(kind.__mro__)
+        if dataclasses.is_dataclass(base)
+    ]
     return {
         field.target.id: " ".join(text.value.value.split())
+        for body in bodies
+        if isinstance(body, ast.ClassDef)
         for field, text in zip(body.body, body.body[1:], strict=False)
         if isinstance(field, ast.AnnAssign)
         and isinstance(field.target, ast.Name)
@@ -86,6 +95,15 @@ def test_what_is_outside_is_refused_with_field_and_range(kind: Any, name: str, s
         assert name in str(caught.value)
         assert str(span) in str(caught.value)
         assert len(str(caught.value)) < 300
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"), [(kind, name) for kind in CONFIGS for name in switches(kind)], ids=str
+)
+def test_what_is_on_or_off_is_nothing_else(kind: Any, name: str) -> None:
+    for value in ("no", 0, None, math.nan):
+        with pytest.raises(ConfigError, match=f"{name} is .*; give True or False"):
+            kind(**{name: value})
 
 
 @dataclasses.dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Ranges of the numbers in configurations: declared with a field's type, checked in one place.
+"""Ranges of the numbers in configurations: declared with a field's type, checked in one place. So are bools.
 
 window_s: Annotated[float, Range(0.05, 60.0)] = 2.0
 \"\"\"n steps of eq 18 as a time in s; 0.05 to 60.\"\"\"
@@ -25,10 +25,14 @@ class Range:
 
 
 def check_ranges(config: object, prefix: str) -> None:
-    """Every field with a Range holds a number within it, or None where its type has that.
+    """Every field with a Range holds a number within it, or None where its type has that; every bool is one.
 
     prefix: what stands before a field's name in the message. Raises ConfigError.
     """
+    for name in switches(type(config)):
+        value = getattr(config, name)
+        if not isinstance(value, bool):
+            raise ConfigError(f"{prefix}{name} is {_shown(value)}; give True or False")
     for name, (span, whole, optional) in ranges(type(config)).items():
         value = getattr(config, name)
         if value is None and optional:
@@ -50,6 +54,13 @@ def ranges(kind: type) -> dict[str, tuple[Range, bool, bool]]:
             for mark in (m for m in option.__metadata__ if isinstance(m, Range)):
                 found[field.name] = (mark, option.__origin__ is int, type(None) in options)
     return found
+
+
+@functools.cache
+def switches(kind: type) -> tuple[str, ...]:
+    """Fields of a configuration that are on or off."""
+    hints = get_type_hints(kind)
+    return tuple(field.name for field in fields(kind) if hints[field.name] is bool)  # pyright: ignore
 
 
 def _shown(value: Any) -> str:

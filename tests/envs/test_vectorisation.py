@@ -154,6 +154,15 @@ def test_an_episode_is_cut_at_max_episode_steps() -> None:
         NavVectorEnv(max_episode_steps=0)
 
 
+def test_options_that_do_nothing_are_refused() -> None:
+    single, vector = NavEnv(), NavVectorEnv(2)
+    for env, takes in ((single, "takes none"), (vector, "takes reset_mask")):
+        env.reset(seed=0, options={})
+        with pytest.raises(ConfigError, match=f"hold 'foo', and this environment {takes}; leave it out"):
+            env.reset(options={"foo": 1})
+        env.step(env.action_space.sample())  # as it was before
+
+
 def test_options_are_left_as_they_were() -> None:
     env = NavVectorEnv(2)
     env.reset(seed=0)

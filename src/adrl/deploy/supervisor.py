@@ -9,6 +9,7 @@ It knows nothing of policies; any source of commands may be put behind it. Once 
 import logging
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
@@ -20,7 +21,7 @@ from adrl.deploy.reckoning import STANDSTILL, Reckoning
 from adrl.deploy.scan_reader import ScanReader
 from adrl.deploy.surroundings import Surroundings
 from adrl.deploy.watch import SensorWatch
-from adrl.errors import ConfigError
+from adrl.ranges import Range, check_ranges
 from adrl.types import Array, RobotConfig
 
 LOG = logging.getLogger("adrl.deploy")
@@ -45,27 +46,21 @@ CAUTIONS = frozenset[Reason](
 class SupervisorConfig:
     """Limits of trust. The robot's own, its speeds, accelerations, lag and latency, are in its RobotConfig."""
 
-    max_age_periods: float = 2.0
-    """Control periods after which a scan or odometry is too old to drive by."""
-    hold_periods: float = 2.0
-    """Control periods for which the base may go on with a command when no other comes: the time of its watchdog."""
-    margin_m: float = 0.02
+    max_age_periods: Annotated[float, Range(1.0, 1000.0)] = 2.0
+    """Control periods after which a scan or odometry is too old to drive by; 1 to 1000."""
+    hold_periods: Annotated[float, Range(1.0, 1000.0)] = 2.0
+    """Control periods for which the base may go on with a command when no other comes: the time of its watchdog; 1 to
+    1000."""
+    margin_m: Annotated[float, Range(0.0, 1.0)] = 0.02
     """Distance in m kept from what the LiDAR has hit, or twice its noise if that is more; beside half the gap there
-    between two beams that tell something."""
-    least_told: float = 0.4
-    """Share of the field of view that the policy was trained with of which beams must tell something."""
-    largest_hole_rad: float = 0.35
-    """Widest run of beams, rad, that may tell nothing."""
+    between two beams that tell something; 0 to 1."""
+    least_told: Annotated[float, Range(0.0, 1.0)] = 0.4
+    """Share of the field of view that the policy was trained with of which beams must tell something; 0 to 1."""
+    largest_hole_rad: Annotated[float, Range(0.0, 6.28)] = 0.35
+    """Widest run of beams, rad, that may tell nothing; 0 to 6.28."""
 
     def __post_init__(self) -> None:
-        for name in ("max_age_periods", "hold_periods"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 1.0):
-                raise ConfigError(f"supervisor.{name} is {value}; give 1 or more")
-        for name, most in (("margin_m", 1.0), ("least_told", 1.0), ("largest_hole_rad", 2.0 * math.pi)):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and 0.0 <= value <= most):
-                raise ConfigError(f"supervisor.{name} is {value}; give 0 to {most:.3g}")
+        check_ranges(self, "supervisor.")
 
 
 DEFAULT = SupervisorConfig()

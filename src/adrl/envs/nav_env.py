@@ -8,7 +8,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from adrl.envs.render import Renderer, has_window
-from adrl.envs.vector_env import RENDER_FPS, RESULTS, NavVectorEnv
+from adrl.envs.vector_env import RENDER_FPS, RESULTS, NavVectorEnv, require_known_options
 from adrl.errors import MissingExtra, UnknownName
 
 F32 = NDArray[np.float32]
@@ -39,7 +39,11 @@ class NavEnv(gymnasium.Env[F32, F32]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[F32, dict[str, Any]]:
-        """Start a new episode. Returns the (D,) observation, and info with a step's entries, all zero."""
+        """Start a new episode. Returns the (D,) observation, and info with a step's entries, all zero.
+
+        There are no options: raises ConfigError for any.
+        """
+        require_known_options(options or {}, ())
         super().reset(seed=seed)
         self._env.np_random = (self.np_random,)
         observation, info = self._env.reset()

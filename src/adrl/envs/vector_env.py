@@ -1,7 +1,7 @@
 """Gymnasium vector environment over the batch simulator."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -172,7 +172,8 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
     ) -> tuple[F32, dict[str, Any]]:
         """Start new episodes: all, or those of options["reset_mask"] (N,) bool. Returns (N, D), info.
 
-        seed: s, of which row i takes s + i; or one a row, None for those that go on drawing.
+        seed: s, of which row i takes s + i; or one a row, None for those that go on drawing. Raises ConfigError for
+        a mask that is none, and for other options.
         """
         mask = self._reset_mask(options or {})
         rows = np.flatnonzero(mask)
@@ -261,6 +262,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         self.sim.reset(rows, [self._pool[int(i)] for i in draw.task], draw.noise_seed, draw.params)
 
     def _reset_mask(self, options: Mapping[str, Any]) -> Mask:
+        require_known_options(options, ("reset_mask",))
         mask = options.get("reset_mask")
         if mask is None:
             return np.ones(self.num_envs, dtype=bool)
@@ -307,6 +309,16 @@ NEVER = -1
 """Number of the task of a row that no reset() has begun."""
 RESULTS = ("reward_terms", "features", "success", "is_success", "collision")
 """What info says of a step, and of a reset, so that recorders such as minari.DataCollector find the same entries."""
+
+
+def require_known_options(options: Mapping[str, Any], known: Sequence[str]) -> None:
+    """Raises ConfigError for options of reset() that do nothing."""
+    strange = [name for name in options if name not in known]
+    if strange:
+        takes = f"takes {', '.join(known)}" if known else "takes none"
+        raise ConfigError(
+            f"options of reset() hold {strange[0]!r}, and this environment {takes}; leave it out"
+        )
 
 
 def make_nav_vec(

@@ -13,6 +13,7 @@ from adrl.imitation.experts import PERFECT, Expert, find_expert
 from adrl.observation import EncoderConfig
 from adrl.outputs import as_paths
 from adrl.planning.replanner_config import ReplannerConfig
+from adrl.ranges import Range
 from adrl.rewards.config import STANDING_AT_WORST
 from adrl.simulators import NATIVE, find_simulator
 from adrl.types import RobotConfig
@@ -43,20 +44,20 @@ class RunConfig(Place):
     """Run folder; runs/METHOD-SCENARIO-ROBOT-GUIDANCE-sSEED when left out."""
     resume: bool = False
     """Go on from the newest checkpoint in the run folder; give the same options again."""
-    num_envs: int = 64
-    """Robots simulated side by side."""
-    task_pool: int = 512
-    """Worlds to train in, the first ones of the training split."""
+    num_envs: Annotated[int, Range(1, 65536)] = 64
+    """Robots simulated side by side; 1 to 65536."""
+    task_pool: Annotated[int, Range(1, 1_000_000)] = 512
+    """Worlds to train in, the first ones of the training split; 1 to 1e+06."""
     task_priority: ClassVar[float] = 1.0
     """Draw tasks that failed lately more often: chances are 0.1 + task_priority * failure rate; 0 for all alike."""
     expert: Annotated[str | Expert, tyro.conf.arg(constructor=str)] = PERFECT
     """Who demonstrates: NAME or NAME:NUMBER, as slow:0.5 (adrl list), or the object."""
-    demonstration_steps: int = 10_000
-    """Environment steps of demonstrations to collect; of the expert few its drives, whatever they take."""
+    demonstration_steps: Annotated[int, Range(0, 100_000_000)] = 10_000
+    """Environment steps of demonstrations to collect, 0 to 1e+08; of the expert few its drives, whatever they take."""
     dataset: Path | None = None
     """Minari dataset of demonstrations to use instead of collecting them."""
-    validation_episodes: int = 100
-    """Validation tasks of each evaluation during training, every learner.eval_interval_steps."""
+    validation_episodes: Annotated[int, Range(1, 1_000_000)] = 100
+    """Validation tasks of each evaluation during training, every learner.eval_interval_steps; 1 to 1e+06."""
     randomize: bool = True
     """Vary robots and sensors mildly from episode to episode."""
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
@@ -68,9 +69,6 @@ class RunConfig(Place):
         find_simulator(self.env)
         if self.env != NATIVE and self.resume:
             raise ConfigError(f"a run in {self.env} cannot be resumed: it keeps no state; start another")
-        for name in ("num_envs", "task_pool", "validation_episodes"):
-            if getattr(self, name) < 1:
-                raise ConfigError(f"{name} is {getattr(self, name)}; give 1 or more")
         learner = self.resolved()
         _check_horizon(learner)
         chosen = find_expert(self.expert) != find_expert(PERFECT)
@@ -83,8 +81,6 @@ class RunConfig(Place):
             raise ConfigError(
                 f"expert {self.expert} would drive, and dataset holds what was driven; leave one out"
             )
-        if self.demonstration_steps < 0:
-            raise ConfigError(f"demonstration_steps is {self.demonstration_steps}; give 0 or more")
 
     def resolved(self) -> TrainConfig:
         """The learner's configuration as the method has it, under the run's guidance."""

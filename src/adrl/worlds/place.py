@@ -4,11 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from adrl.errors import ConfigError
 from adrl.json_files import checked
 from adrl.outputs import as_paths
+from adrl.ranges import Range, check_ranges
 from adrl.types import Scenario
 from adrl.worlds import BarnScenario, MapScenario, SdfScenario, get_scenario
 from adrl.worlds.fixed import FixedWorld
@@ -34,11 +35,12 @@ class Place:
     """Names of models to leave out of the world; patterns such as 'tree_*' too."""
     barn: Path | None = None
     """Folder of worlds of the BARN benchmark with their paths, instead of a scenario."""
-    barn_held_out: int = 0
+    barn_held_out: Annotated[int, Range(0, 1_000_000)] = 0
     """So many of these worlds, evenly spread in the order of their numbers, are kept for validation and test, and
-    training has the others; 0 trains, validates and tests on all."""
+    training has the others; 0 to 1e+06, and 0 trains, validates and tests on all."""
 
     def __post_init__(self) -> None:
+        check_ranges(self, "")
         as_paths(self, "map", "world", "barn")
         object.__setattr__(self, "models", tuple(map(Path, self.models)))
         if sum(place is not None for place in (self.scenario, self.map, self.world, self.barn)) > 1:
