@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from adrl.agents.config import Td3Config, TrainConfig
+from adrl.agents.config import Guide, Td3Config, TrainConfig
 from adrl.agents.interface import Evaluate, Progress, TrainResult, Validation
 from adrl.agents.train import train
 from adrl.imitation.demonstrations import Demonstrations
@@ -26,6 +26,7 @@ class Kind:
     """What a run has beside config()."""
 
     driver: Driver = "value"
+    guide: Guide = "none"
     env: type[Walk] = Walk
     failure_share: float = 0.0
     mirror: Mirror | None = None
@@ -34,6 +35,9 @@ class Kind:
 KINDS = {
     "value": Kind(),
     "return": Kind(driver="return"),
+    "progress": Kind(driver="progress"),
+    "proposal": Kind(guide="proposal"),
+    "jump-start": Kind(guide="jump-start"),
     "failures": Kind(
         env=Stumble, failure_share=0.5, mirror=Mirror(np.array([0, 1]), np.array([-1.0, 1.0], np.float32))
     ),
@@ -73,7 +77,7 @@ def run(
     base = config(steps)
     schedule = replace(base.schedule, driver=kind.driver)
     return train(
-        replace(base, schedule=schedule, failure_share=kind.failure_share),
+        replace(base, schedule=schedule, failure_share=kind.failure_share, guide=kind.guide),
         kind.env(NUM_ENVS),
         out,
         demonstrations=demonstrations(),

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, is_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from functools import cached_property
 from typing import (
     Annotated,
@@ -64,6 +64,21 @@ def without_constants(kind: type, saved: Mapping[str, Any]) -> dict[str, Any]:
                     f"{name} of {kind.__name__} was {value!r} and is always {constant!r} now; train anew, or use the "
                     "version of before"
                 )
+    return kept
+
+
+def with_defaults(kind: type, saved: Mapping[str, Any]) -> dict[str, Any]:
+    """What a file says of the options of a dataclass, and of the dataclasses in it; options that came after the file
+    was written have their defaults, which are what was done before."""
+    kept = dict(saved)
+    for option in fields(kind):
+        default = option.default if option.default_factory is MISSING else option.default_factory()
+        nested = is_dataclass(default) and not isinstance(default, type)
+        value = kept.get(option.name, {} if nested else default)
+        if nested and isinstance(value, Mapping):
+            kept[option.name] = with_defaults(type(default), value)
+        elif value is not MISSING:
+            kept[option.name] = value
     return kept
 
 

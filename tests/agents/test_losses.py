@@ -1,10 +1,14 @@
 """Laws of the update: plain TD3 without imitation, targets by hand, rewards of today's weights."""
 
+import math
 from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 
@@ -135,7 +139,7 @@ def test_stored_terms_take_the_weights_of_today():
 
 
 def test_the_q_filter_clones_only_where_the_critic_prefers_the_expert():
-    shape = SHAPE._replace(td3=replace(CONFIG, q_filter=True))
+    shape = SHAPE._replace(td3=replace(CONFIG, row_weights="q-filter"))
     state, experts = fresh(), random_experts(1)
     action = networks.actor(state.actor, experts.observation, SHAPE.actor)
     q_actor, q_expert = (
@@ -151,6 +155,85 @@ def test_the_q_filter_clones_only_where_the_critic_prefers_the_expert():
     warming_up = weights._replace(q_weight=np.float32(0.0))
     everything = losses.cloning_loss(state.actor, state.critics, experts, warming_up, shape)
     assert_allclose(everything, error.mean(), rtol=1e-5)
+
+
+TWINS = arrays(np.float32, (2, 5), elements=st.floats(-10.0, 10.0, width=32))
+
+
+@given(TWINS, st.floats(0.1, 10.0), st.floats(1.01, 100.0))
+def test_a_state_is_released_where_the_critics_prefer_the_actor_by_more_than_they_differ(
+    of_expert: NDArray[np.float32], spread: float, certainty: float
+):
+    """S(s) = 1 there; 0 where they prefer the expert by more; 1/2 where neither."""
+    differing = np.array([[0.5 * spread], [-0.5 * spread]])
+    for advantage, maturity in ((certainty * spread, 1.0), (-certainty * spread, 0.0), (0.0, 0.5)):
+        of_actor = jnp.array(of_expert + differing + advantage)
+        assert_allclose(losses.state_maturity(of_actor, jnp.array(of_expert)), maturity, atol=1e-3)
+
+
+@given(TWINS, TWINS, st.permutations(range(5)))
+def test_a_states_maturity_is_its_own(
+    of_actor: NDArray[np.float32], of_expert: NDArray[np.float32], order: list[int]
+):
+    """Rows in another order keep theirs; where actor and expert change places it is the complement."""
+    maturity = np.asarray(losses.state_maturity(jnp.array(of_actor), jnp.array(of_expert)))
+    turned = losses.state_maturity(jnp.array(of_actor[:, order]), jnp.array(of_expert[:, order]))
+    assert_array_equal(turned, maturity[order])
+    assert_allclose(
+        losses.state_maturity(jnp.array(of_expert), jnp.array(of_actor)), 1.0 - maturity, atol=1e-5
+    )
+
+
+@given(TWINS, TWINS)
+def test_spread_weighs_a_row_by_how_likely_the_expert_is_better(
+    of_actor: NDArray[np.float32], of_expert: NDArray[np.float32]
+):
+    """Phi of the difference of the means over the deviation of the difference, by hand."""
+    got = losses.expert_is_better(jnp.array(of_actor), jnp.array(of_expert))
+    for row in range(5):
+        actor, expert = of_actor[:, row].astype(float), of_expert[:, row].astype(float)
+        deviation = math.sqrt(np.var(actor, ddof=1) + np.var(expert, ddof=1)) + losses.LEAST_SPREAD
+        z = (expert.mean() - actor.mean()) / deviation
+        assert_allclose(got[row], 0.5 * (1.0 + math.erf(z / math.sqrt(2.0))), atol=2e-3)
+
+
+def test_by_state_a_released_row_is_not_cloned_and_the_others_fully():
+    shape = SHAPE._replace(td3=replace(CONFIG, row_weights="state"))
+    state, experts = fresh(), random_experts(1)
+    action = networks.actor(state.actor, experts.observation, SHAPE.actor)
+    of_actor, of_expert = (
+        jnp.stack(networks.twin_critics(state.critics, experts.observation, a, SHAPE.critic, True))
+        for a in (action, experts.action)
+    )
+    maturity = np.asarray(losses.state_maturity(of_actor, of_expert))
+    assert {0.0, 1.0} <= set(maturity.tolist())
+    error = np.square(np.asarray(action) - experts.action).sum(axis=-1)
+    for release in (0.0, 0.25, 1.0):
+        weights = Weights(np.float32(0.5), np.float32(0.3), np.float32(1.0), np.float32(release))
+        got = losses.cloning_loss(state.actor, state.critics, experts, weights, shape)
+        assert_allclose(got, (error * (1.0 - release * maturity)).mean(), rtol=1e-5)
+
+
+def test_of_two_actions_the_one_of_the_higher_lesser_value_is_taken_in_driving_and_in_the_target():
+    shape = SHAPE._replace(guide_proposes=True)
+    state, batch = fresh(), random_batch(2)
+    guide = fresh(5).actor
+    observation = jnp.array(batch.bootstrap_observation)
+    actions = [networks.actor(vector, observation, SHAPE.actor) for vector in (state.target_actor, guide)]
+    lesser = [
+        np.minimum(*networks.twin_critics(state.target_critics, observation, a, SHAPE.critic, True))
+        for a in actions
+    ]
+    guides = lesser[1] > lesser[0]
+    assert 0 < guides.sum() < B
+    chosen = losses.better_action(state.target_critics, observation, actions[0], actions[1], shape)
+    assert_array_equal(chosen, np.where(guides[:, None], actions[1], actions[0]))
+    quiet = batch._replace(target_noise=np.zeros_like(batch.target_noise))
+    nothing = jnp.zeros(B)
+    target = losses.targets(state.target_actor, state.target_critics, quiet, nothing, shape, guide)
+    assert_allclose(target, batch.bootstrap_discount * np.maximum(*lesser), rtol=1e-4, atol=1e-5)
+    alone = losses.targets(state.target_actor, state.target_critics, quiet, nothing, SHAPE, guide)
+    assert_allclose(alone, batch.bootstrap_discount * lesser[0], rtol=1e-4, atol=1e-5)
 
 
 def test_one_call_of_many_updates_equals_many_calls_of_few():

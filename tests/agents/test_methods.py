@@ -11,7 +11,7 @@ import resume_run
 from adrl import registry
 from adrl.agents import checkpoint, networks
 from adrl.agents.backend import jnp
-from adrl.agents.config import Td3Config, TrainConfig
+from adrl.agents.config import Guide, Td3Config, TrainConfig
 from adrl.agents.methods import METHODS, method_config
 from adrl.agents.train import train
 from adrl.comparison.config import CompareConfig
@@ -43,6 +43,23 @@ def test_without_imitation_adrl_is_rl_reward_and_with_static_weights_td3_to_the_
     assert policy_bytes(tmp_path / "e", method_config("adrl", base)) not in (ours, td3)
 
 
+def test_jsrl_whose_guide_drives_nothing_is_td3_to_the_byte(tmp_path: Path):
+    """Without demonstrations h is 0; a guide that proposes is heard all the same."""
+    base = replace(resume_run.config(STEPS), reward=replace(PLAIN, scale=0.1))
+    td3 = policy_bytes(tmp_path / "td3", method_config("td3", base), expert=False)
+    assert policy_bytes(tmp_path / "jsrl", td3_with("jump-start", base), expert=False) == td3
+    assert policy_bytes(tmp_path / "ibrl", td3_with("proposal", base), expert=False) != td3
+
+
+def test_a_cloned_start_is_all_that_rlpd_gains(tmp_path: Path):
+    """Without pretraining it is RLPD."""
+    base = replace(resume_run.config(STEPS), reward=replace(PLAIN, scale=0.1), critic_warmup_updates=0)
+    plain, cloned = (method_config(name, base) for name in ("rlpd", "rlpd-cloned"))
+    rlpd = policy_bytes(tmp_path / "rlpd", plain)
+    assert policy_bytes(tmp_path / "cloned", cloned) != rlpd
+    assert policy_bytes(tmp_path / "cold", replace(cloned, pretrain_updates=0)) == rlpd
+
+
 def test_unknown_methods_are_refused_with_the_nearest():
     with pytest.raises(UnknownName, match="adrl-clock"):
         method_config("adrl_clock", TrainConfig())
@@ -54,6 +71,10 @@ def slow_release(config: TrainConfig) -> TrainConfig:
 
 
 NO_METHOD = 7
+
+
+def td3_with(guide: Guide, config: TrainConfig) -> TrainConfig:
+    return replace(method_config("td3", config), guide=guide)
 
 
 def test_a_method_is_given_as_a_function_or_offered_by_an_installed_package(monkeypatch: pytest.MonkeyPatch):

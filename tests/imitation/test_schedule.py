@@ -270,3 +270,29 @@ def test_a_fixed_share_stays_fixed_in_the_literal_form_too():
     for q in (-3.0, 0.0, 3.0):
         assert alpha(MaturityState(statistic=q), fixed) == 0.5
         assert lambda_bc(MaturityState(statistic=q), fixed) == 0.2
+
+
+PROGRESS = replace(CONFIG, driver="progress")
+EXPERT = Bounds(0.0, 1.0)
+
+
+@given(st.lists(unit, min_size=1, max_size=30))
+def test_by_progress_the_cloning_weight_stays_in_its_range(returns: list[float]):
+    state = MaturityState()
+    for earned in returns:
+        state = update(state, earned, EXPERT, DT, PROGRESS)
+        assert 0.0 <= lambda_bc(state, PROGRESS) <= PROGRESS.lambda_max
+
+
+def test_by_progress_the_cloning_weight_falls_until_the_return_drops():
+    """Zhao et al. 2022: faster the less is earned, which leaves less of it than of a return near the target."""
+    far, near = MaturityState(), MaturityState()
+    for _ in range(3):
+        far, near = (
+            update(state, earned, EXPERT, DT, PROGRESS) for state, earned in ((far, 0.2), (near, 0.9))
+        )
+    assert lambda_bc(far, PROGRESS) < lambda_bc(near, PROGRESS) < PROGRESS.lambda_max
+    dropped = update(near, 0.0, EXPERT, DT, PROGRESS)
+    assert lambda_bc(dropped, PROGRESS) > lambda_bc(near, PROGRESS)
+    assert lambda_bc(update(near, 0.95, EXPERT, DT, PROGRESS), PROGRESS) < lambda_bc(near, PROGRESS)
+    assert alpha(far, replace(PROGRESS, alpha_min=0.05, alpha_max=0.05)) == 0.05

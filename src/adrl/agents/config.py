@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass, field, replace
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 import tyro
 
@@ -15,6 +15,9 @@ from adrl.types import Form, require_forms
 MAX_WIDTH = 8192
 AVERAGE_POWER = 15.0
 """eta of polynomial-decay averaging (Shamir and Zhang 2013): step t takes a share (1 + eta) / (t + eta)."""
+
+RowWeights = Literal["all", "q-filter", "spread", "state"]
+Guide = Literal["none", "start", "proposal", "jump-start"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +55,12 @@ class Td3Config:
     """That noise is clipped to this absolute value."""
     q_scale_floor: Annotated[float, Range(1e-12, 1e6)] = 0.1
     """Least value of the mean |Q| that the cloning term is measured in (eq 6); 1e-12 to 1e+06."""
-    q_filter: tyro.conf.Suppress[bool] = False
-    """Clone only where the critic prefers the expert's action to the actor's ("selective", eq 6)."""
+    row_weights: tyro.conf.Suppress[RowWeights] = "all"
+    """Which rows of the demonstrations count in the cloning term ("selective", eq 6), see losses.cloning_loss. all:
+    alike; q-filter: those where Q_1 prefers the expert's action to the actor's; spread: each by how likely the critics
+    hold that; state: each by how far it is not released."""
+    q_filter: ClassVar[bool] = False
+    """What files of before call row_weights = "q-filter"."""
     eq6: Form = "corrected"
     """The actor's objective. Literal: Q is not divided by its mean absolute value, so that the weight of cloning
     beside it depends on the scale of the reward."""
@@ -64,6 +71,7 @@ class Td3Config:
             raise ConfigError(
                 f"Td3Config.widths is {self.widths}; give one or more widths, each 1 to {MAX_WIDTH}"
             )
+        _require_one_of(self, "row_weights", RowWeights)
         check_ranges(self, "Td3Config.")
 
 
@@ -86,6 +94,10 @@ class TrainConfig:
     """Environment steps before the first online update; 0 or more."""
     pretrain_updates: Annotated[int, Range(0, math.inf)] = 100
     """Updates on demonstrations alone before the first environment step; the actor only clones; 0 or more."""
+    guide: tyro.conf.Suppress[Guide] = "none"
+    """What becomes of the actor that pretraining has cloned. none: it goes on, if cloning does. Otherwise it goes on in
+    any case, and a copy stays as it is: start, no copy; proposal, the copy's action is taken wherever the critics
+    prefer it, in driving and in the target; jump-start, the copy drives the first steps of each episode."""
     critic_warmup_updates: Annotated[int, Range(0, math.inf)] = 0
     """Online updates during which the actor only clones: a cold critic would undo what was cloned; 0 or more."""
     exploration_std: tuple[float, float] = (0.05, 0.4)
@@ -113,6 +125,7 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self, "TrainConfig.")
+        _require_one_of(self, "guide", Guide)
         low, high = self.exploration_std
         if not 0.0 <= low <= high <= 2.0:
             raise ConfigError(
@@ -138,3 +151,9 @@ class TrainConfig:
         content = asdict(self)
         del content["steps"], content["max_seconds"]
         return content
+
+
+def _require_one_of(owner: object, name: str, choices: object) -> None:
+    value, known = getattr(owner, name), get_args(choices)
+    if value not in known:
+        raise ConfigError(f"{type(owner).__name__}.{name} is {value!r}; give one of {', '.join(known)}")

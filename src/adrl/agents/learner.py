@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from adrl.agents import networks, td3
 from adrl.agents.backend import jax, jnp
 from adrl.agents.config import TrainConfig
+from adrl.agents.exploration import Acting
 from adrl.agents.losses import Batch, ExpertBatch, Weights
 from adrl.agents.replay import Demonstrations, Replay
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
@@ -72,15 +73,19 @@ class Learner:
         self._probe = None if probe is None else jnp.array(probe.observation, copy=True)
         self._bounds = None if probe is None else BoundsTable(probe, config.td3.gamma, config.reward)
         self._returns: list[float] = []
-        self._shape = td3.make_shape(observation_size, config.td3, config.reward)
+        proposes = config.guide == "proposal"
+        self._shape = td3.make_shape(observation_size, config.td3, config.reward, guide_proposes=proposes)
         self._update = td3.make_update(self._shape)
         self._probe_value = td3.make_probe_value(self._shape)
         self._q_of_average = td3.make_q_of_average(self._shape)
+        self._better_action = td3.make_better_action(self._shape)
         self.state = td3.init_state(rng, self._shape)
         self._started = start is not None
         if start is not None:
             self.state = td3.with_actor(self.state, _actor_vector(start, self._shape.actor))
         self._actor = jnp.array(self.state.actor, copy=True)
+        if proposes or config.guide == "jump-start":
+            self._keep_guide()
         self._info: td3.UpdateInfo | None = None
         self.compile_seconds: float | None = None
         """Wall clock of the first update's call, which traces and compiles; None before it."""
@@ -130,7 +135,8 @@ class Learner:
     @property
     def clones(self) -> bool:
         """Whether the actor ever clones the expert."""
-        return self.has_expert and self._config.schedule.lambda_max > 0.0
+        config = self._config
+        return self.has_expert and (config.schedule.lambda_max > 0.0 or config.guide != "none")
 
     @property
     def pretraining(self) -> bool:
@@ -164,17 +170,30 @@ class Learner:
         expert_rows = config.td3.batch_size if pretraining else self.expert_rows
         rows = self._sample(expert_rows, updates)
         labels = self._sample_labels(updates // config.td3.policy_delay)
-        hold = self.clones_only or self.holds_actor
-        weights = Weights(self.reward_maturity, self.lambda_bc, q_weight=0.0 if hold else 1.0)
-        weights = Weights(*(np.float32(w) for w in weights))
+        weights = Weights(*(np.float32(w) for w in self._weights()))
         began_s = time.monotonic()
         self.state, self._actor, self._info = self._update(self.state, rows, labels, weights)
         if self.compile_seconds is None:
             self.compile_seconds = time.monotonic() - began_s
         if pretraining:
             self.pretrain_updates += updates
+            if self.state.guide is not None and not self.pretraining:
+                self._keep_guide()
         else:
             self.online_updates += updates
+
+    def _weights(self) -> Weights:
+        """What the schedule says today."""
+        hold = self.clones_only or self.holds_actor
+        weights = Weights(self.reward_maturity, self.lambda_bc, q_weight=0.0 if hold else 1.0)
+        highest = self._config.schedule.lambda_max
+        if hold or highest == 0.0 or self._config.td3.row_weights != "state":
+            return weights
+        return weights._replace(lambda_bc=highest, release=1.0 - self.lambda_bc / highest)
+
+    def _keep_guide(self) -> None:
+        """The averaged actor of today becomes the guide."""
+        self.state = self.state._replace(guide=jnp.array(self.state.average_actor, copy=True))
 
     def mature(self, returns: Iterable[float] = ()) -> None:
         """Measure S if it is due (eqs 2, 13). Waits for the running updates.
@@ -182,7 +201,7 @@ class Learner:
         returns: of the training episodes that have ended since the last call, see EpisodeTally.add.
         """
         config = self._config.schedule
-        if config.driver == "return":
+        if config.follows_return:
             self._returns += returns
         since = self.online_updates - self._measured_at
         if not self._config.measures_maturity or since < config.interval_updates:
@@ -196,7 +215,7 @@ class Learner:
     def _statistic(self) -> float:
         """Q(t) (eq 2), or what stands for it in the controls."""
         config, last = self._config.schedule, self._schedule.statistic
-        if config.driver == "return":
+        if config.follows_return:
             # Without a finished episode there is nothing new; before the first, nothing has been learnt.
             fallback = self.bounds.low if last is None else last
             return float(np.mean(self._returns)) if self._returns else fallback
@@ -210,9 +229,26 @@ class Learner:
 
     def policy(self, config: PolicyConfig, *, averaged: bool = True) -> MlpPolicy:
         """The averaged actor, or today's, in numpy with its own memory. Waits for the running updates."""
-        vector = self.state.average_actor if averaged else self._actor
+        return self._policy_of(self.state.average_actor if averaged else self._actor, config)
+
+    def _policy_of(self, vector: jax.Array, config: PolicyConfig) -> MlpPolicy:
         *hidden, (weight, bias) = networks.unflatten(np.array(vector), self._shape.actor)
         return MlpPolicy([*hidden, (weight.T, bias)], replace(config, maturity=self.maturity))
+
+    def acting(self, config: PolicyConfig) -> Acting:
+        """What drives while the next updates run. Waits for the running ones."""
+        actor, guide = self.policy(config, averaged=False), self.state.guide
+        if guide is None:
+            return Acting(actor)
+        if not self._shape.guide_proposes:
+            return Acting(actor, self._policy_of(guide, config))
+        critics = jnp.array(self.state.target_critics, copy=True)
+
+        def choose(observation: F32, first: F32, second: F32) -> F32:
+            rows = (jnp.array(array, copy=True) for array in (observation, first, second))
+            return np.array(self._better_action(critics, *rows))
+
+        return Acting(actor, self._policy_of(guide, config), choose)
 
     def row(self) -> dict[str, float | int | None]:
         """The learner's part of a metrics row."""
@@ -285,8 +321,8 @@ class Learner:
         return Batch(*(field.reshape(-1, delay, *field.shape[1:]) for field in batches))
 
     def _sample_labels(self, count: int) -> ExpertBatch | None:
-        """Cloning batches (count, M, ...); None where nothing is ever cloned: plain TD3 pays for none."""
-        if not self.clones:
+        """Cloning batches (count, M, ...); None where nothing is cloned from now on: plain TD3 pays for none."""
+        if not (self.clones_only or (self.clones and self._config.schedule.lambda_max > 0.0)):
             return None
         return self.replay.sample_labels(self._rng, (count, self._config.td3.bc_batch_size))
 

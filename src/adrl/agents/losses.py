@@ -15,6 +15,9 @@ Rows = Any
 """An array: numpy's on its way in, JAX's inside the update."""
 Scalar = jax.Array | np.floating | float
 
+LEAST_SPREAD = 1e-6
+"""Critics that agree to the last digit are this far apart, in the reward's units."""
+
 
 class Batch(NamedTuple):
     """Rows of the mixed buffer D = (1 - alpha) D1 + alpha D2 (eq 4). n is the number of steps of a target."""
@@ -54,6 +57,8 @@ class Weights(NamedTuple):
     """lambda(t) (eq 5)."""
     q_weight: Scalar
     """1, or 0 while the critic warms up and the actor only clones."""
+    release: Scalar = 0.0
+    """By state: the share of the cloning weight that a row loses where its S(s) is 1; 0 to 1."""
 
 
 class Shape(NamedTuple):
@@ -63,6 +68,8 @@ class Shape(NamedTuple):
     critic: Sizes
     td3: Td3Config
     reward: RewardConfig
+    guide_proposes: bool = False
+    """Whether the target takes the guide's action where that is better (IBRL)."""
 
 
 def n_step_returns(batch: Batch, weights: Weights, config: RewardConfig) -> Array:
@@ -77,17 +84,35 @@ def n_step_returns(batch: Batch, weights: Weights, config: RewardConfig) -> Arra
     return (rewards * batch.step_discount).sum(axis=-1)
 
 
-def targets(actor: Array, critics: Array, batch: Batch, returns: Array, shape: Shape) -> Array:
+def targets(
+    actor: Array, critics: Array, batch: Batch, returns: Array, shape: Shape, guide: Array | None = None
+) -> Array:
     """y = sum_j gamma^j r_{t+j} + gamma^k (1 - terminated) min_i Q'_i(s_{t+k}, a'): (B,).
 
-    a' = clip(pi'(s_{t+k}) + clip(noise)). returns: (B,) the sum. actor, critics: the target networks.
+    a' = clip(pi'(s_{t+k}) + clip(noise)), or the guide's action where that is worth more (IBRL). returns: (B,) the sum.
+    actor, critics: the target networks. guide: parameters of an actor, read if it proposes.
     """
     td3 = shape.td3
     noise = jnp.clip(td3.target_noise_std * batch.target_noise, -td3.target_noise_clip, td3.target_noise_clip)
     successor = batch.bootstrap_observation
     action = jnp.clip(networks.actor(actor, successor, shape.actor) + noise, -1.0, 1.0)
-    q1, q2 = networks.twin_critics(critics, successor, action, shape.critic, td3.critic_layer_norm)
-    return returns + batch.bootstrap_discount * jnp.minimum(q1, q2)
+    value = least_value(critics, successor, action, shape)
+    if guide is not None and shape.guide_proposes:
+        proposed = networks.actor(guide, successor, shape.actor)
+        value = jnp.maximum(value, least_value(critics, successor, proposed, shape))
+    return returns + batch.bootstrap_discount * value
+
+
+def least_value(critics: Array, observation: Array, action: Array, shape: Shape) -> Array:
+    """min_i Q_i(s, a): (B,)."""
+    sizes, layer_norm = shape.critic, shape.td3.critic_layer_norm
+    return jnp.minimum(*networks.twin_critics(critics, observation, action, sizes, layer_norm))
+
+
+def better_action(critics: Array, observation: Array, first: Array, second: Array, shape: Shape) -> Array:
+    """argmax over both actions (B, 2) of min_i Q'_i(s, a), as in IBRL (Hu et al. 2023): (B, 2); the first if equal."""
+    of_first, of_second = (least_value(critics, observation, action, shape) for action in (first, second))
+    return jnp.where((of_first >= of_second)[:, None], first, second)
 
 
 def critic_loss(critics: Array, batch: Batch, target: Array, shape: Shape) -> tuple[Array, Array]:
@@ -123,16 +148,47 @@ def actor_loss(
 
 
 def cloning_loss(actor: Array, critics: Array, expert: ExpertBatch, weights: Weights, shape: Shape) -> Array:
-    """E_D2[|pi(s) - a_e|^2]; with q_filter rows count 0 where Q_1 does not prefer the expert's action.
+    """E_D2[w(s) |pi(s) - a_e|^2], w by Td3Config.row_weights.
 
-    While the actor only clones (q_weight 0) the critics are not yet to be trusted, and nothing is filtered.
+    While the actor only clones (q_weight 0) the critics are not yet to be trusted, and w is 1.
     """
     action = networks.actor(actor, expert.observation, shape.actor)
     error = ((action - expert.action) ** 2).sum(axis=-1)
-    if not shape.td3.q_filter:
+    if shape.td3.row_weights == "all":
         return error.mean()
     sizes, layer_norm = shape.critic, shape.td3.critic_layer_norm
-    of_expert = networks.first_critic(critics, expert.observation, expert.action, sizes, layer_norm)
-    of_actor = networks.first_critic(critics, expert.observation, action, sizes, layer_norm)
-    preferred = jax.lax.stop_gradient((of_expert > of_actor) | (weights.q_weight == 0.0))
-    return (error * preferred).mean()
+    of_actor, of_expert = (
+        jnp.stack(networks.twin_critics(critics, expert.observation, a, sizes, layer_norm))
+        for a in (action, expert.action)
+    )
+    if shape.td3.row_weights == "q-filter":
+        row = (of_expert[0] > of_actor[0]).astype(error.dtype)
+    elif shape.td3.row_weights == "spread":
+        row = expert_is_better(of_actor, of_expert)
+    else:
+        row = 1.0 - weights.release * state_maturity(of_actor, of_expert)
+    return (error * jax.lax.stop_gradient(jnp.where(weights.q_weight == 0.0, 1.0, row))).mean()
+
+
+def expert_is_better(of_actor: Array, of_expert: Array) -> Array:
+    """How likely the critics hold the expert's action to be the better one, values (2, M) of both critics: (M,).
+
+    Phi((m_e - m_pi) / sqrt(v_e + v_pi)), with the mean and variance over the critics, as if values were normal and
+    independent: SPReD-P (Zhu et al. 2025).
+    """
+    spread = jnp.sqrt(of_expert.var(axis=0, ddof=1) + of_actor.var(axis=0, ddof=1))
+    return jax.scipy.stats.norm.cdf(
+        (of_expert.mean(axis=0) - of_actor.mean(axis=0)) / (spread + LEAST_SPREAD)
+    )
+
+
+def state_maturity(of_actor: Array, of_expert: Array) -> Array:
+    """S(s) = clip((Q(s, pi(s)) - Q_min(s)) / (Q_max(s) - Q_min(s)), 0, 1), eq 13 by state, values (2, M): (M,).
+
+    Q_min(s) and Q_max(s) are the value of the expert's action there, less and more by how much the critics differ
+    about the actor's advantage over it: S is 0 where they prefer the expert's action by more than that, 1 where the
+    actor's, 1/2 where neither. What a critic says too much of a state, whatever the action, drops out.
+    """
+    advantage = of_actor - of_expert
+    spread = jnp.abs(advantage[0] - advantage[1]) + LEAST_SPREAD
+    return jnp.clip(0.5 * (1.0 + advantage.mean(axis=0) / spread), 0.0, 1.0)

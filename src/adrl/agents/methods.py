@@ -7,7 +7,7 @@ expert's nor cloning before the first step; what S is measured against (eq 13) i
 from collections.abc import Callable
 from dataclasses import replace
 
-from adrl.agents.config import TrainConfig
+from adrl.agents.config import Guide, TrainConfig
 from adrl.errors import ConfigError
 from adrl.registry import look_up
 
@@ -90,8 +90,71 @@ def q_filter(config: TrainConfig) -> TrainConfig:
     return replace(
         _fixed(config, alpha=0.25, lambda_bc=FIXED_LAMBDA),
         dynamic_reward=False,
-        td3=replace(config.td3, q_filter=True),
+        td3=replace(config.td3, row_weights="q-filter"),
     )
+
+
+def adrl_state(config: TrainConfig) -> TrainConfig:
+    """ADRL whose cloning weight is released state by state, where the critics hold the actor to be the better one.
+
+    lambda(s) = lambda_max + S(s) (lambda(t) - lambda_max): the weight of eq 5 where S(s), eq 13 by state, is 1, and the
+    full one where the critics prefer the expert's action. See losses.state_maturity.
+    """
+    return replace(config, td3=replace(config.td3, row_weights="state"))
+
+
+def rlpd_cloned(config: TrainConfig) -> TrainConfig:
+    """RLPD that begins with the cloned actor, as ADRL does."""
+    return replace(rlpd(config), guide="start")
+
+
+def spread(config: TrainConfig) -> TrainConfig:
+    """SPReD-P (Zhu et al. 2025): a q-filter whose rows weigh what the critics hold the expert likely to be better.
+
+    The paper takes the spread of ten critics, ours are the two of every method. See losses.expert_is_better.
+    """
+    return replace(q_filter(config), td3=replace(config.td3, row_weights="spread"))
+
+
+def adaptive_bc(config: TrainConfig) -> TrainConfig:
+    """After adaptive BC (Zhao et al. 2022): a cloning weight that falls with the return and rises when it drops.
+
+    It begins at that of TD3+BC, see schedule.adapted. The paper clones whatever is in a buffer that begins with a
+    twentieth of the data; here it is the demonstrations, which are a twentieth of each batch. Two critics instead of a
+    randomised ensemble.
+    """
+    schedule = replace(_fixed(config, alpha=0.05, lambda_bc=0.2).schedule, driver="progress", k_q=1.0)
+    return replace(config, schedule=schedule, dynamic_reward=False)
+
+
+def ibrl(config: TrainConfig) -> TrainConfig:
+    """IBRL (Hu et al. 2023): a cloned policy proposes, the critics choose between it and the actor, also in the target.
+
+    The paper's actor begins anew, ours with the clone, as in every method here that clones; its buffer begins with D2,
+    here a quarter of each batch is D2 for ever; it chooses in evaluation too. Ours evaluates and exports the actor
+    alone: a policy is one network.
+    """
+    return _guided(config, "proposal")
+
+
+def jsrl(config: TrainConfig) -> TrainConfig:
+    """JSRL (Uchendu et al. 2022): a cloned policy drives the first steps of each episode, fewer as success allows.
+
+    See jump_start. The paper leaves open with what the actor begins, and which learner it has: here with the clone,
+    and TD3, a quarter of each batch from D2. The guide is not part of the policy.
+    """
+    return _guided(config, "jump-start")
+
+
+GUIDE_PRETRAINING = 20
+"""Times the pretraining of the other methods: the guide stays as it is then."""
+
+
+def _guided(config: TrainConfig, guide: Guide) -> TrainConfig:
+    """TD3 with a guide, and demonstrations beside what it drives."""
+    fixed = _fixed(config, alpha=0.25, lambda_bc=0.0)
+    pretrain_updates = GUIDE_PRETRAINING * config.pretrain_updates
+    return replace(fixed, dynamic_reward=False, guide=guide, pretrain_updates=pretrain_updates)
 
 
 def _fixed(config: TrainConfig, *, alpha: float, lambda_bc: float) -> TrainConfig:
@@ -109,13 +172,19 @@ METHODS: dict[str, Method] = {
     "adrl-return": adrl_return,
     "adrl-alpha": adrl_alpha,
     "adrl-lambda": adrl_lambda,
+    "adrl-state": adrl_state,
     "rl-reward": rl_reward,
     "rl-bc": rl_bc,
     "td3": td3,
     "td3bc": td3bc,
     "bc": bc,
     "rlpd": rlpd,
+    "rlpd-cloned": rlpd_cloned,
     "q-filter": q_filter,
+    "spread": spread,
+    "adaptive-bc": adaptive_bc,
+    "ibrl": ibrl,
+    "jsrl": jsrl,
 }
 
 

@@ -107,6 +107,12 @@ class Replay:
             self._store[name][self._ring :] = source
         self._labels[:] = data.expert_action
 
+    @property
+    def longest_demonstration(self) -> int:
+        """Steps of the longest episode of the demonstrations; 0 without any."""
+        ends = np.flatnonzero(self._store["ending"][self._ring :] != CONTINUES)
+        return int(np.diff(ends, prepend=-1).max(initial=0))
+
     def add(
         self,
         observation: F32,

@@ -7,6 +7,7 @@ for each pair (policy_delay) of batches:
     targets = polyak(targets, networks)
 """
 
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -42,6 +43,8 @@ class LearnerState(NamedTuple):
     target_critics: Array
     actor_adam: Adam
     critic_adam: Adam
+    guide: Array | None = None
+    """The actor as pretraining left it, where a method goes on using it (TrainConfig.guide)."""
 
 
 class UpdateInfo(NamedTuple):
@@ -57,11 +60,13 @@ Update = Callable[[LearnerState, Batch, ExpertBatch | None, Weights], tuple[Lear
 weights -> new state, a copy of the actor's parameters, info."""
 
 
-def make_shape(observation_size: int, td3: Td3Config, reward: RewardConfig) -> Shape:
+def make_shape(
+    observation_size: int, td3: Td3Config, reward: RewardConfig, *, guide_proposes: bool = False
+) -> Shape:
     """Layer sizes and constants of the compiled update."""
     actor = networks.actor_sizes(observation_size, td3.widths)
     critic = networks.critic_sizes(observation_size, td3.widths)
-    return Shape(actor, critic, td3, reward)
+    return Shape(actor, critic, td3, reward, guide_proposes)
 
 
 def init_state(rng: np.random.Generator, shape: Shape) -> LearnerState:
@@ -96,7 +101,7 @@ def make_update(shape: Shape) -> Update:
     """Compile the update of a shape: one call runs all batches it is given."""
 
     def update_critics(state: LearnerState, batch: Batch, returns: Array) -> tuple[LearnerState, UpdateInfo]:
-        target = losses.targets(state.target_actor, state.target_critics, batch, returns, shape)
+        target = losses.targets(state.target_actor, state.target_critics, batch, returns, shape, state.guide)
         gradient_of = jax.value_and_grad(losses.critic_loss, has_aux=True)
         (loss, q_mean), gradient = gradient_of(state.critics, batch, target, shape)
         critics, adam = _adam(state.critics, gradient, state.critic_adam, shape.td3.critic_learning_rate)
@@ -147,12 +152,14 @@ def make_probe_value(shape: Shape) -> Callable[[LearnerState, Array], Array]:
 
     def probe_value(state: LearnerState, observation: Array) -> Array:
         action = networks.actor(state.actor, observation, shape.actor)
-        q1, q2 = networks.twin_critics(
-            state.target_critics, observation, action, shape.critic, shape.td3.critic_layer_norm
-        )
-        return jnp.minimum(q1, q2).mean()
+        return losses.least_value(state.target_critics, observation, action, shape).mean()
 
     return jax.jit(probe_value)
+
+
+def make_better_action(shape: Shape) -> Callable[[Array, Array, Array, Array], Array]:
+    """Compile losses.better_action of target critics, observations and two actions for each."""
+    return jax.jit(functools.partial(losses.better_action, shape=shape))
 
 
 def make_q_of_average(shape: Shape) -> Callable[[LearnerState, Array], Array]:

@@ -11,20 +11,19 @@ Everything random comes from one numpy generator, so a run of --steps that was k
 same bytes.
 """
 
-import json
 import shutil
 import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, NoReturn, NotRequired, TypedDict
+from typing import NoReturn
 
 import numpy as np
-from msgspec import Meta
 from numpy.typing import NDArray
 
 from adrl.agents import budget, checkpoint
 from adrl.agents.config import TrainConfig
+from adrl.agents.exploration import Explorer
 from adrl.agents.interface import Evaluate, Progress, TrainEnv, TrainingStopped, TrainResult
 from adrl.agents.learner import Learner
 from adrl.agents.metrics import (
@@ -36,14 +35,13 @@ from adrl.agents.metrics import (
     reward_row,
 )
 from adrl.agents.replay import Demonstrations
+from adrl.agents.saved_run import SavedRun, identity, identity_of_before
 from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy
 from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.imitation.probe import Probe
 from adrl.json_files import checked
 from adrl.observation import Mirror
-from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import reward
-from adrl.types import ACTION_SIZE, without_constants
 
 F32 = NDArray[np.float32]
 
@@ -96,33 +94,6 @@ def train(
         run.close()
 
 
-Count = Annotated[int, Meta(ge=0)]
-
-
-class _Tally(TypedDict, total=False):
-    finished: Count
-    succeeded: Count
-    return_sum: float
-    total: Count
-
-
-class _State(TypedDict):
-    """A checkpoint's state.json, as _save writes it."""
-
-    config: dict[str, Any]
-    rng: dict[str, Any]
-    learner: dict[str, Any]
-    tally: _Tally
-    env_steps: Count
-    logged_at: Count
-    validated_at: NotRequired[Count]
-    train_success: float | None
-    success: float | None
-    returns: list[float]
-    wall_s: Annotated[float, Meta(ge=0.0)]
-    metrics_bytes: Count
-
-
 class _Run:
     """The state of a run, and its verbs."""
 
@@ -145,7 +116,7 @@ class _Run:
         n, size = observation.shape
         base = policy_config or PolicyConfig(input_size=size, widths=config.td3.widths)
         self._policy_config = replace(base, input_size=size, widths=config.td3.widths)
-        self._noise_std = np.linspace(*config.exploration_std, n, dtype=np.float32)[:, None]
+        self._explorer = Explorer(config, n, learner.replay.longest_demonstration)
         self._tally = EpisodeTally.empty(n)
         self._returns: list[float] = []
         self._env_steps, self._logged_at, self._validated_at = 0, 0, 0
@@ -202,22 +173,14 @@ class _Run:
     def iterate(self) -> None:
         """One step of all rows of the environment, and the updates that run beside it."""
         learner = self.learner
-        policy = learner.policy(self._policy_config, averaged=False)
+        acting = None if learner.acts_at_random else learner.acting(self._policy_config)
         learner.mature(self._returns)
         self.env.maturity = learner.maturity
         if self._env_steps >= self.config.start_steps and learner.replay.ready:
             self._update()
-        self._step(self._explore(policy))
+        self._step(self._explorer.act(acting, self._observation, self._tally.length, self._rng))
         self.tell()
         self._report()
-
-    def _explore(self, policy: MlpPolicy) -> F32:
-        """(N, 2) actions: the actor's with noise; uniform ones as long as it has learnt nothing."""
-        shape = (len(self._observation), ACTION_SIZE)
-        if self.learner.acts_at_random:
-            return self._rng.uniform(-1.0, 1.0, shape).astype(np.float32)
-        noise = self._noise_std * self._rng.standard_normal(shape, dtype=np.float32)
-        return np.clip(policy.act(self._observation) + noise, -1.0, 1.0).astype(np.float32, copy=False)
 
     def _step(self, action: F32) -> None:
         observation, terminated, truncated, info = self.env.advance(action)
@@ -228,6 +191,7 @@ class _Run:
         rewards = reward(terms, features, maturity, self.config.reward)
         ended, gamma = terminated | truncated, self.config.td3.gamma
         returns = self._tally.add(rewards, ended, info["success"], gamma)
+        self._explorer.count(int(ended.sum()), int((ended & info["success"]).sum()))
         # The robots that explore least tell best what the actor itself would earn.
         self._returns = returns[np.flatnonzero(ended) < max(len(ended) // 4, 1)].tolist()
         self._observation = np.array(observation, dtype=np.float32)
@@ -331,21 +295,6 @@ class _Run:
         policy.save(self.out)
         return TrainResult(policy, self.out, self._env_steps, updates, episodes, seconds)
 
-    def _identity(self) -> dict[str, Any]:
-        """What a resumed run must share with the one it goes on with, as JSON gives it back."""
-        policy = self._policy_config
-        about = {"robot": policy.robot, "encoder": policy.encoder, "guidance": policy.guidance}
-        about |= {"method": policy.method, "environment": policy.extra.get("environment")}
-        return json.loads(json.dumps(self.config.comparable() | about, default=str))
-
-    def _without_constants(self, saved: dict[str, Any]) -> dict[str, Any]:
-        """An identity that an earlier version wrote."""
-        environment = dict(saved.get("environment") or {})
-        if "replanner" in environment:
-            environment["replanner"] = without_constants(ReplannerConfig, environment["replanner"])
-            saved = saved | {"environment": environment}
-        return without_constants(TrainConfig, saved)
-
     def close(self) -> None:
         """Close the log."""
         if self._log is not None:
@@ -354,7 +303,7 @@ class _Run:
     def _save(self) -> None:
         assert self._log is not None
         state = {
-            "config": self._identity(),
+            "config": identity(self.config, self._policy_config),
             "rng": self._rng.bit_generator.state,
             "learner": self.learner.numbers(),
             "tally": self._tally.state(),
@@ -364,6 +313,7 @@ class _Run:
             "train_success": self._train_success,
             "success": self._success,
             "returns": self._returns,
+            "explorer": self._explorer.numbers(),
             "wall_s": self.wall_s(),
             "metrics_bytes": self._log.position(),
         }
@@ -378,8 +328,9 @@ class _Run:
     def _restore(self, saved: checkpoint.Checkpoint) -> int:
         """Take its state; returns the length of the metrics log of then, in bytes."""
         try:
-            state = checked(saved.state, _State)
-            checkpoint.require_same(saved.path, self._without_constants(state["config"]), self._identity())
+            state = checked(saved.state, SavedRun)
+            today = identity(self.config, self._policy_config)
+            checkpoint.require_same(saved.path, identity_of_before(state["config"], today), today)
             self.learner.restore(saved.part("learner"), state["learner"])
             self.learner.replay.set_state(saved.part("replay"))
             self.env.set_state(saved.part("env"))
@@ -387,11 +338,10 @@ class _Run:
             self._observation = loop.pop("observation")
             self._tally = EpisodeTally(**loop, **state["tally"])
             self._returns = state["returns"]
+            self._explorer.restore(state.get("explorer", {}))
             self._rng.bit_generator.state = state["rng"]
             self._env_steps, self._logged_at = state["env_steps"], state["logged_at"]
-            self._validated_at = state.get(
-                "validated_at", 0
-            )  # absent from checkpoints before there was a last one
+            self._validated_at = state.get("validated_at", 0)
             self._train_success, self._success = state["train_success"], state["success"]
             self._started_s -= state["wall_s"]
             return state["metrics_bytes"]

@@ -13,7 +13,7 @@ from adrl.errors import ConfigError, UnknownName
 from adrl.ranges import Range, check_ranges
 from adrl.types import Form, require_forms
 
-Driver = Literal["value", "return", "clock"]
+Driver = Literal["value", "return", "progress", "clock"]
 EQUATIONS = ("eq2", "eq3", "eq5", "eq13")
 """The equations that have two forms."""
 MOST_EXPONENT = 35.0
@@ -26,6 +26,11 @@ Q_max stays the expert's."""
 LEAST_REACH = 0.25
 """Q_max comes no nearer to Q_min than this share of the way to the expert's return: a critic that settles lower has
 not learnt, and its noise is no maturity. It also bounds the gain of the loop from S through the weights to S."""
+PROGRESS_GAIN, SETBACK_GAIN = 1.2e-3, 4e-3
+"""K_P and K_D of the driver progress, a gradient update. Zhao et al. have 3e-5 and 1e-4 an environment step, of a
+weight that begins at 0.4; an update is 16 steps."""
+TARGET_SCORE = 1.05
+"""R_target of the driver progress, in returns of the expert: Zhao et al."""
 MOST_COLD = 0.9
 """A cold critic that promises more than this share of what the expert earns counts as one that promises so much."""
 
@@ -36,7 +41,7 @@ class ScheduleConfig:
 
     driver: tyro.conf.Suppress[Driver] = "value"
     """What S follows: the critic's value as in the paper, or, as controls, the discounted return of the training
-    episodes against the same bounds, or the clock."""
+    episodes against the same bounds, or the clock. progress: that return moves S, see adapted."""
     clock_updates: Annotated[float, Range(0.001, 1e9)] = 6000.0
     """Updates after the warm-up until S = 1, for the driver clock; 0.001 to 1e+09."""
     alpha_min: Annotated[float, Range(0.0, 1.0)] = 0.05
@@ -101,6 +106,11 @@ class ScheduleConfig:
         """Whether S is measured on the probe's states, or against what is earned from them."""
         all_literal = self.driver == "value" and self.eq2 == self.eq13 == "literal"
         return self.driver != "clock" and not all_literal
+
+    @property
+    def follows_return(self) -> bool:
+        """Whether S follows what the training episodes earn."""
+        return self.driver in ("return", "progress")
 
     def literal(self) -> Self:
         """The same constants with every equation as printed."""
@@ -170,8 +180,10 @@ def alpha(state: MaturityState, config: ScheduleConfig) -> float:
 def lambda_bc(state: MaturityState, config: ScheduleConfig) -> float:
     """lambda = lambda_max exp(-k_q S) (eq 5): weight of cloning in the actor's objective (eq 6).
 
-    Literal: lambda_max exp(-k_q Q), cut at exp(MOST_EXPONENT).
+    Literal: lambda_max exp(-k_q Q), cut at exp(MOST_EXPONENT). For the driver progress lambda_max (1 - S).
     """
+    if config.driver == "progress":
+        return config.lambda_max * (1.0 - state.maturity)
     if config.eq5 == "literal":
         return config.lambda_max * math.exp(min(-config.k_q * (state.statistic or 0.0), MOST_EXPONENT))
     return config.lambda_max * math.exp(-config.k_q * state.maturity)
@@ -224,6 +236,8 @@ def update(
         highest = statistic if state.highest is None else max(state.highest, statistic)
         measured = measured_maturity(statistic, Bounds(lowest, highest))
         return MaturityState(measured, measured, updates, statistic, lowest, highest)
+    if config.driver == "progress":
+        return adapted(state, statistic, bounds, dt_updates, config)
     # A critic that has hardly learnt promises more than chance earns: that is no maturity yet.
     if state.cold is None:
         share = min(measured_maturity(statistic, bounds), MOST_COLD)
@@ -244,4 +258,25 @@ def update(
     maturity = min(max(state.maturity + change, 0.0), 1.0)
     return state._replace(
         maturity=maturity, average=average, updates=updates, statistic=statistic, reach=reach
+    )
+
+
+def adapted(
+    state: MaturityState, statistic: float, bounds: Bounds, dt_updates: int, config: ScheduleConfig
+) -> MaturityState:
+    """S += dt (K_P (R_target - R_avg) - K_D max(0, R_avg - R)): lambda_max (1 - S) is the weight of Zhao et al. 2022.
+
+    It falls as long as the target is ahead, and rises where the return drops below its average. R: the statistic, what
+    training episodes earned lately, as a share of the way from chance's return to the expert's; R_avg: its moving
+    average, of before.
+    """
+    score = measured_maturity(statistic, bounds)
+    average = score if state.statistic is None else state.average
+    step = PROGRESS_GAIN * (TARGET_SCORE - average) - SETBACK_GAIN * max(average - score, 0.0)
+    gain = 1.0 - math.exp(-dt_updates / config.smoothing_updates)
+    return state._replace(
+        maturity=min(max(state.maturity + dt_updates * step, 0.0), 1.0),
+        average=average + gain * (score - average),
+        updates=state.updates + dt_updates,
+        statistic=statistic,
     )

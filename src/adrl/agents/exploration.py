@@ -1,0 +1,67 @@
+"""How the robots act while the actor learns."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.agents.config import TrainConfig
+from adrl.agents.jump_start import JumpStart
+from adrl.deploy.policy import MlpPolicy
+from adrl.types import ACTION_SIZE
+
+F32 = NDArray[np.float32]
+Choice = Callable[[F32, F32, F32], F32]
+"""Observations (N, D) and two actions (N, 2) for each -> the one that the critics prefer (N, 2)."""
+
+
+@dataclass(frozen=True)
+class Acting:
+    """Whatever drives while updates run: copies of its own, of before them."""
+
+    actor: MlpPolicy
+    guide: MlpPolicy | None = None
+    """The cloned policy of TrainConfig.guide."""
+    choose: Choice | None = None
+    """Between the actor's action and the guide's, where the guide proposes (IBRL)."""
+
+
+class Explorer:
+    """Gaussian noise on the actor's action, of another size in each row; and what a guide drives instead."""
+
+    def __init__(self, config: TrainConfig, num_envs: int, longest_demonstration: int) -> None:
+        """longest_demonstration: in steps, see JumpStart.horizon."""
+        self._noise_std = np.linspace(*config.exploration_std, num_envs, dtype=np.float32)[:, None]
+        self._jumps = config.guide == "jump-start"
+        self._jump = JumpStart(longest_demonstration if self._jumps else 0)
+
+    def act(self, acting: Acting | None, observation: F32, steps: F32, rng: np.random.Generator) -> F32:
+        """(N, 2) actions. acting: None as long as nothing has been learnt, and actions are uniform. steps: (N,) of the
+        episodes so far."""
+        shape = (len(observation), ACTION_SIZE)
+        if acting is None:
+            return rng.uniform(-1.0, 1.0, shape).astype(np.float32)
+        noise = self._noise_std * rng.standard_normal(shape, dtype=np.float32)
+        action = np.clip(acting.actor.act(observation) + noise, -1.0, 1.0).astype(np.float32, copy=False)
+        if acting.guide is None:
+            return action
+        if acting.choose is not None:
+            return acting.choose(observation, action, acting.guide.act(observation))
+        guided = steps < self._jump.guided_steps
+        return np.where(guided[:, None], acting.guide.act(observation), action)
+
+    def count(self, ended: int, succeeded: int) -> None:
+        """Tell of the episodes that a step ended."""
+        if self._jumps:
+            self._jump = self._jump.after(ended, succeeded)
+
+    def numbers(self) -> dict[str, Any]:
+        """The state, for JSON; empty where there is none."""
+        return self._jump._asdict() if self._jumps else {}
+
+    def restore(self, numbers: Mapping[str, Any]) -> None:
+        """Continue from numbers()."""
+        if self._jumps:
+            self._jump = JumpStart(**numbers)

@@ -1,0 +1,61 @@
+"""What a checkpoint says of a run beside its arrays, and what a run that goes on must share with it."""
+
+import json
+from typing import Annotated, Any, NotRequired, TypedDict
+
+from msgspec import Meta
+
+from adrl.agents.config import TrainConfig
+from adrl.deploy.policy import PolicyConfig
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.types import with_defaults, without_constants
+
+Count = Annotated[int, Meta(ge=0)]
+
+
+class Tally(TypedDict, total=False):
+    """Numbers of metrics.EpisodeTally."""
+
+    finished: Count
+    succeeded: Count
+    return_sum: float
+    total: Count
+
+
+class SavedRun(TypedDict):
+    """A checkpoint's state.json."""
+
+    config: dict[str, Any]
+    rng: dict[str, Any]
+    learner: dict[str, Any]
+    tally: Tally
+    env_steps: Count
+    logged_at: Count
+    validated_at: NotRequired[Count]
+    """Absent from checkpoints before there was a last one."""
+    train_success: float | None
+    success: float | None
+    returns: list[float]
+    explorer: NotRequired[dict[str, Any]]
+    """exploration.Explorer.numbers; absent from checkpoints before methods had a guide."""
+    wall_s: Annotated[float, Meta(ge=0.0)]
+    metrics_bytes: Count
+
+
+def identity(config: TrainConfig, policy: PolicyConfig) -> dict[str, Any]:
+    """What a resumed run must share with the one it goes on with, as JSON gives it back."""
+    about = {"robot": policy.robot, "encoder": policy.encoder, "guidance": policy.guidance}
+    about |= {"method": policy.method, "environment": policy.extra.get("environment")}
+    return json.loads(json.dumps(config.comparable() | about, default=str))
+
+
+def identity_of_before(saved: dict[str, Any], today: dict[str, Any]) -> dict[str, Any]:
+    """An identity that an earlier version wrote: without what is constant now, options that came later as they are by
+    default."""
+    environment = dict(saved.get("environment") or {})
+    if "replanner" in environment:
+        environment["replanner"] = without_constants(ReplannerConfig, environment["replanner"])
+        saved = saved | {"environment": environment}
+    filled = with_defaults(TrainConfig, without_constants(TrainConfig, saved))
+    known = {name: value for name, value in filled.items() if name in saved or name in today}
+    return json.loads(json.dumps(known, default=str))
