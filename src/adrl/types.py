@@ -69,7 +69,7 @@ def without_constants(kind: type, saved: Mapping[str, Any]) -> dict[str, Any]:
 
 def with_defaults(kind: type, saved: Mapping[str, Any]) -> dict[str, Any]:
     """What a file says of the options of a dataclass, and of the dataclasses in it; options that came after the file
-    was written have their defaults, which are what was done before."""
+    was written have their defaults."""
     kept = dict(saved)
     for option in fields(kind):
         default = option.default if option.default_factory is MISSING else option.default_factory()

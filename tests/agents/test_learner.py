@@ -15,7 +15,7 @@ from adrl.agents.networks import critic_sizes
 from adrl.deploy.policy import PolicyConfig
 from adrl.errors import ConfigError
 from adrl.imitation.probe import Probe, record_probe
-from adrl.imitation.schedule import MaturityState, ScheduleConfig, alpha
+from adrl.imitation.schedule import MaturityState, ScheduleConfig, alpha, lambda_bc
 from adrl.types import Form
 from probe_envs import Walk
 
@@ -86,7 +86,7 @@ def test_expert_rows_follow_alpha_of_the_maturity():
         learner.mature()
     assert learner.maturity == 1.0
     assert learner.expert_rows == round(alpha(MaturityState(maturity=1.0), schedule) * 16)
-    assert learner.lambda_bc == pytest.approx(schedule.lambda_max * np.exp(-schedule.k_q))
+    assert learner.lambda_bc == pytest.approx(lambda_bc(MaturityState(maturity=1.0), schedule))
 
 
 @pytest.mark.parametrize(

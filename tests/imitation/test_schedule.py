@@ -44,7 +44,10 @@ def test_phases():
     assert lambda_bc(at(0.0), CONFIG) == CONFIG.lambda_max
     assert alpha(at(CONFIG.b_alpha / CONFIG.k_alpha), CONFIG) == (CONFIG.alpha_min + CONFIG.alpha_max) / 2
     assert alpha(at(1.0), CONFIG) < CONFIG.alpha_min + 0.05 * CONFIG.alpha_max
-    assert math.isclose(lambda_bc(at(1.0), CONFIG), CONFIG.lambda_max * math.exp(-CONFIG.k_q))
+    floor, left = CONFIG.lambda_max * CONFIG.lambda_floor, math.exp(-CONFIG.k_q)
+    assert 0.0 < floor < 0.2 * CONFIG.lambda_max
+    assert math.isclose(lambda_bc(at(1.0), CONFIG), floor + (CONFIG.lambda_max - floor) * left)
+    assert math.isclose(lambda_bc(at(1.0), replace(CONFIG, lambda_floor=0.0)), CONFIG.lambda_max * left)
 
 
 def test_without_imitation_nothing_is_left_of_it():

@@ -12,6 +12,9 @@ from adrl.types import with_defaults, without_constants
 
 Count = Annotated[int, Meta(ge=0)]
 
+BEFORE: dict[str, Any] = {"schedule": {"lambda_floor": 0.0}}
+"""What was done before these options came, where it is not their default."""
+
 
 class Tally(TypedDict, total=False):
     """Numbers of metrics.EpisodeTally."""
@@ -50,12 +53,12 @@ def identity(config: TrainConfig, policy: PolicyConfig) -> dict[str, Any]:
 
 
 def identity_of_before(saved: dict[str, Any], today: dict[str, Any]) -> dict[str, Any]:
-    """An identity that an earlier version wrote: without what is constant now, options that came later as they are by
-    default."""
+    """An identity that an earlier version wrote: without what is constant now, and with the options that came later."""
     environment = dict(saved.get("environment") or {})
     if "replanner" in environment:
         environment["replanner"] = without_constants(ReplannerConfig, environment["replanner"])
         saved = saved | {"environment": environment}
-    filled = with_defaults(TrainConfig, without_constants(TrainConfig, saved))
+    sections = {name: options | saved.get(name, {}) for name, options in BEFORE.items()}
+    filled = with_defaults(TrainConfig, without_constants(TrainConfig, saved | sections))
     known = {name: value for name, value in filled.items() if name in saved or name in today}
     return json.loads(json.dumps(known, default=str))

@@ -55,7 +55,10 @@ class ScheduleConfig:
     lambda_max: Annotated[float, Range(0.0, 1e6)] = 1.0
     """lambda_max of eq 5: weight of cloning beside the normalised Q at S = 0; 0 to 1e+06."""
     k_q: Annotated[float, Range(0.0, 1e6)] = 10.0
-    """k_q of eq 5: lambda falls by exp(-k_q) from S = 0 to S = 1; 0 to 1e+06."""
+    """k_q of eq 5: what is released of lambda falls by exp(-k_q) from S = 0 to S = 1; 0 to 1e+06."""
+    lambda_floor: Annotated[float, Range(0.0, 1.0)] = 0.1
+    """Share of lambda_max that is never released: the weak regulariser of the autonomy phase. Without it the actor
+    unlearns what its own noise spares it in training (docs/decisions.md); 0 to 1."""
     warmup_updates: Annotated[int, Range(0, 1_000_000_000)] = 0
     """Updates during which S stays 0: the critic starts cold and its values mean nothing yet; 0 to 1e+09."""
     smoothing_updates: Annotated[float, Range(0.001, 1e9)] = 200.0
@@ -99,7 +102,8 @@ class ScheduleConfig:
     @property
     def releases(self) -> bool:
         """Whether alpha or lambda follows S."""
-        return self.alpha_min < self.alpha_max or (self.lambda_max > 0.0 and self.k_q > 0.0)
+        cloning = self.lambda_max > 0.0 and self.k_q > 0.0 and self.lambda_floor < 1.0
+        return cloning or self.alpha_min < self.alpha_max
 
     @property
     def needs_probe(self) -> bool:
@@ -178,15 +182,17 @@ def alpha(state: MaturityState, config: ScheduleConfig) -> float:
 
 
 def lambda_bc(state: MaturityState, config: ScheduleConfig) -> float:
-    """lambda = lambda_max exp(-k_q S) (eq 5): weight of cloning in the actor's objective (eq 6).
+    """lambda = lambda_max (f + (1 - f) exp(-k_q S)) (eq 5): weight of cloning in the actor's objective (eq 6).
 
-    Literal: lambda_max exp(-k_q Q), cut at exp(MOST_EXPONENT). For the driver progress lambda_max (1 - S).
+    f is lambda_floor. Literal: lambda_max exp(-k_q Q), cut at exp(MOST_EXPONENT). For the driver progress
+    lambda_max (1 - S).
     """
     if config.driver == "progress":
         return config.lambda_max * (1.0 - state.maturity)
     if config.eq5 == "literal":
         return config.lambda_max * math.exp(min(-config.k_q * (state.statistic or 0.0), MOST_EXPONENT))
-    return config.lambda_max * math.exp(-config.k_q * state.maturity)
+    released = 1.0 - math.exp(-config.k_q * state.maturity)
+    return config.lambda_max * (1.0 - (1.0 - config.lambda_floor) * released)
 
 
 def _sigmoid(x: float) -> float:
