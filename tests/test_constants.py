@@ -13,7 +13,7 @@ from adrl.comparison.compare import SETTINGS_FILE, claim
 from adrl.comparison.config import CompareConfig
 from adrl.deploy.policy import load_policy, resolve_policy
 from adrl.deploy.setup import setup_of
-from adrl.errors import CheckpointError
+from adrl.errors import CheckpointError, ConfigError
 from adrl.imitation.schedule import ScheduleConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig
@@ -26,6 +26,7 @@ CONSTANTS: dict[type, dict[str, Any]] = {
         "actor_average": 0.0025,
         "target_noise_std": 0.2,
         "target_noise_clip": 0.5,
+        "q_filter": False,
     },
     ScheduleConfig: {"fall_updates": 30000.0},
     RewardConfig: {
@@ -64,6 +65,10 @@ def test_the_value_of_before_is_the_constant_and_another_is_refused(kind: type) 
             without_constants(kind, {name: 7})
 
 
+CAME_LATER = {"td3": ["row_weights"], "schedule": ["lambda_floor"], "": ["guide"]}
+"""Options that some file of before does not know."""
+
+
 def of_before(document: dict[str, Any]) -> dict[str, Any]:
     """A learner's configuration as earlier versions wrote it."""
     sections = {"td3": Td3Config, "schedule": ScheduleConfig, "reward": RewardConfig}
@@ -83,6 +88,45 @@ def test_a_checkpoint_of_before_goes_on(tmp_path: Path) -> None:
     resume_run.run(tmp_path / "run", 240, resume=True)
     policies = [(tmp_path / name / "policy.safetensors").read_bytes() for name in ("run", "whole")]
     assert policies[0] == policies[1]
+
+
+def without_what_came_later(document: dict[str, Any]) -> dict[str, Any]:
+    return {
+        name: {key: of for key, of in value.items() if key not in CAME_LATER[name]}
+        if name in CAME_LATER
+        else value
+        for name, value in document.items()
+        if name not in CAME_LATER[""]
+    }
+
+
+def test_a_checkpoint_that_knows_fewer_options_goes_on_with_what_was_done_then(tmp_path: Path) -> None:
+    """It cloned less late in training, which today's options say; the others do by default what was done."""
+    resume_run.run(tmp_path / "run", 120)
+    (state,) = (tmp_path / "run" / "checkpoint").glob("*/state.json")
+    saved = json.loads(state.read_text())
+    config = without_what_came_later(saved["config"])
+    state.write_text(json.dumps(saved | {"config": config}))
+    with pytest.raises(CheckpointError, match=r"schedule\.lambda_floor = 0\.0, this run has 0\.1"):
+        resume_run.run(tmp_path / "run", 240, resume=True)
+    config["schedule"]["lambda_floor"] = 0.1
+    del saved["explorer"]
+    state.write_text(json.dumps(saved | {"config": config}))
+    resume_run.run(tmp_path / "run", 240, resume=True)
+
+
+def test_a_comparison_that_knows_fewer_options_goes_on(tmp_path: Path) -> None:
+    schedule = ScheduleConfig(lambda_floor=0.0)
+    config = CompareConfig(methods="adrl,td3", learner=TrainConfig(steps=1000, schedule=schedule))
+    claim(config, tmp_path)
+    path = tmp_path / SETTINGS_FILE
+    content = json.loads(path.read_text())
+    content["settings"]["learner"] = without_what_came_later(content["settings"]["learner"])
+    methods = {name: without_what_came_later(learner) for name, learner in content["methods"].items()}
+    path.write_text(json.dumps(content | {"methods": methods}))
+    claim(dataclasses.replace(config, methods="adrl,td3,bc"), tmp_path)
+    with pytest.raises(ConfigError, match="lambda_floor"):
+        claim(CompareConfig(methods="adrl", learner=TrainConfig(steps=1000)), tmp_path)
 
 
 def test_a_comparison_of_before_goes_on(tmp_path: Path) -> None:

@@ -14,6 +14,8 @@ Count = Annotated[int, Meta(ge=0)]
 
 BEFORE: dict[str, Any] = {"schedule": {"lambda_floor": 0.0}}
 """What was done before these options came, where it is not their default."""
+LEFT_OUT = {"seed", "steps", "max_seconds"}
+"""Options that some files leave out on purpose."""
 
 
 class Tally(TypedDict, total=False):
@@ -52,13 +54,19 @@ def identity(config: TrainConfig, policy: PolicyConfig) -> dict[str, Any]:
     return json.loads(json.dumps(config.comparable() | about, default=str))
 
 
-def identity_of_before(saved: dict[str, Any], today: dict[str, Any]) -> dict[str, Any]:
-    """An identity that an earlier version wrote: without what is constant now, and with the options that came later."""
+def identity_of_before(saved: dict[str, Any]) -> dict[str, Any]:
+    """An identity that an earlier version wrote, as today's are."""
     environment = dict(saved.get("environment") or {})
     if "replanner" in environment:
         environment["replanner"] = without_constants(ReplannerConfig, environment["replanner"])
         saved = saved | {"environment": environment}
-    sections = {name: options | saved.get(name, {}) for name, options in BEFORE.items()}
+    return learner_of_before(saved)
+
+
+def learner_of_before(saved: dict[str, Any]) -> dict[str, Any]:
+    """A learner's configuration that an earlier version wrote, without its budget: without what is constant now, and
+    with the options that came later. Raises CheckpointError as without_constants does."""
+    sections = {n: options | saved[n] for n, options in BEFORE.items() if isinstance(saved.get(n), dict)}
     filled = with_defaults(TrainConfig, without_constants(TrainConfig, saved | sections))
-    known = {name: value for name, value in filled.items() if name in saved or name in today}
+    known = {name: value for name, value in filled.items() if name in saved or name not in LEFT_OUT}
     return json.loads(json.dumps(known, default=str))

@@ -330,7 +330,7 @@ class _Run:
         try:
             state = checked(saved.state, SavedRun)
             today = identity(self.config, self._policy_config)
-            checkpoint.require_same(saved.path, identity_of_before(state["config"], today), today)
+            checkpoint.require_same(saved.path, identity_of_before(state["config"]), today)
             self.learner.restore(saved.part("learner"), state["learner"])
             self.learner.replay.set_state(saved.part("replay"))
             self.env.set_state(saved.part("env"))

@@ -7,7 +7,7 @@ from typing import Any, TypedDict
 
 from adrl import files
 from adrl.agents.budget import require_end
-from adrl.agents.config import TrainConfig
+from adrl.agents.saved_run import learner_of_before
 from adrl.baselines import SB3_METHODS, require_sb3
 from adrl.comparison.config import CompareConfig, differences
 from adrl.comparison.jobs import EPISODES_FILE, Job, all_jobs, concatenated, is_finished
@@ -100,8 +100,10 @@ def claim(config: CompareConfig, folder: Path) -> None:
             raise CheckpointError(
                 f"{path} {error}; these are not the settings of a comparison: give another folder"
             ) from None
-        found = UNKNOWN_BEFORE | without_constants(CompareConfig, content["settings"])
-        known = {name: without_constants(TrainConfig, of) for name, of in content["methods"].items()}
+        found: dict[str, Any] = UNKNOWN_BEFORE | without_constants(CompareConfig, content["settings"])
+        if isinstance(found.get("learner"), dict):
+            found["learner"] = learner_of_before(found["learner"])
+        known = {name: learner_of_before(learner) for name, learner in content["methods"].items()}
         if lines := differences(found, settings):
             raise ConfigError(
                 f"{folder} holds results of other settings ({'; '.join(lines)}); "
