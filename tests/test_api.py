@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 import adrl
-from adrl.agents.config import Td3Config
+from adrl.agents.config import Td3Config, TrainConfig
 from adrl.deploy.policy import MlpPolicy
 from adrl.errors import CheckpointError, ConfigError
 from adrl.types import LidarConfig, RobotConfig, Task, World
@@ -147,6 +147,22 @@ def test_a_run_needs_an_end(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="max-seconds"):
         adrl.train(config)
     assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize("there", [False, True], ids=["new folder", "folder of before"])
+def test_a_training_that_makes_no_policy_leaves_nothing_that_looks_like_a_run(
+    there: bool, tmp_path: Path
+) -> None:
+    out = tmp_path / "runs" / "mine"
+    if there:
+        out.mkdir(parents=True)
+    learner = TrainConfig(steps=64, start_steps=10_000, pretrain_updates=0, td3=Td3Config(widths=(8,)))
+    config = adrl.RunConfig(
+        scenario=Corridor(), method="td3", num_envs=8, task_pool=2, out=out, learner=learner
+    )
+    with pytest.raises(ConfigError, match="no policy: 64 environment steps"):
+        adrl.train(config)
+    assert [path.name for path in tmp_path.rglob("*")] == (["runs", "mine"] if there else [])
 
 
 def test_settings_are_checked_when_they_are_made() -> None:

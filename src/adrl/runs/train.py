@@ -1,16 +1,20 @@
 """A training run from nothing: worlds, demonstrations, probe, learner, validation, and its folder."""
 
+import shutil
 import time
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
+from pathlib import Path
 
 from adrl import files
 from adrl.agents import budget, checkpoint
 from adrl.agents.interface import Progress, TrainResult
 from adrl.agents.methods import method_name
+from adrl.agents.metrics import METRICS_FILE, TENSORBOARD_FOLDER
+from adrl.deploy.policy import WEIGHTS_FILE
 from adrl.envs import Body, NavVectorEnv
-from adrl.errors import ConfigError
+from adrl.errors import AdrlError, ConfigError
 from adrl.imitation import Demonstrations, Source, collect, load_minari
 from adrl.imitation.probe import Probe, as_shown, probe_steps, record_probe
 from adrl.outputs import locked, require_folder
@@ -21,7 +25,8 @@ from adrl.signals import stop_requests
 
 PROBE_STATES = 32
 """Each is driven from twice: at random, and by the expert."""
-RUN_FILES = ("versions.json", "metrics.jsonl", "policy.safetensors", checkpoint.FOLDER)
+VERSIONS_FILE = "versions.json"
+RUN_FILES = (VERSIONS_FILE, METRICS_FILE, WEIGHTS_FILE, checkpoint.FOLDER)
 """One of these stands in the folder of a run."""
 Hook = Callable[[Progress], None]
 
@@ -35,7 +40,8 @@ def train(
     """Train a policy and leave it in the run folder.
 
     start_time_s: of time.monotonic(); max_seconds counts from there. Raises AdrlError; what a run folder already
-    holds is not touched unless resume is asked for.
+    holds is not touched unless resume is asked for, and one that comes to neither a policy nor a checkpoint leaves
+    nothing.
     """
     start_time_s = time.monotonic() if start_time_s is None else start_time_s
     budget.require_end(config.learner)
@@ -48,7 +54,7 @@ def train(
         guidance = checkpoint.settings(run.folder).get("guidance")
         run = Run.of(replace(config, guidance=guidance, out=run.folder))
     tell = _teller(config, on_progress, start_time_s)
-    with locked(run.folder), _robots(run) as body:
+    with locked(run.folder), _nothing_by_halves(run.folder), _robots(run) as body:
         tell("worlds")
         env = run.make_env(
             config.num_envs,
@@ -59,8 +65,22 @@ def train(
         return _train(run, env, resumed, tell, on_progress, start_time_s)
 
 
+@contextmanager
+def _nothing_by_halves(folder: Path) -> Iterator[None]:
+    """A training that is refused leaves what it can be resumed by, or nothing that looks like a run."""
+    try:
+        yield
+    except AdrlError:
+        if not ((folder / WEIGHTS_FILE).exists() or checkpoint.exists(folder)):
+            for name in (VERSIONS_FILE, METRICS_FILE):
+                (folder / name).unlink(missing_ok=True)
+            for name in (TENSORBOARD_FOLDER, checkpoint.FOLDER):
+                shutil.rmtree(folder / name, ignore_errors=True)
+        raise
+
+
 def _require_no_run(run: Run, resumed: bool) -> None:
-    if (run.folder / "policy.safetensors").exists():
+    if (run.folder / WEIGHTS_FILE).exists():
         raise ConfigError(
             f"{run.folder} holds a finished run; give another --out, or --resume to train it for longer"
         )
@@ -110,7 +130,7 @@ def _train(
         demonstration_seconds=demonstrated_s - began_s, probe_seconds=time.monotonic() - demonstrated_s
     )
     if not resumed:
-        files.write_json(run.folder / "versions.json", versions())
+        files.write_json(run.folder / VERSIONS_FILE, versions())
 
     from adrl.agents.train import train as learn
 
