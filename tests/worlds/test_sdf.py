@@ -263,11 +263,26 @@ def test_what_stands_on_another_thing_does_not_fall(tmp_path: Path) -> None:
     assert "fall" in reason
 
 
-def test_a_slab_that_covers_the_world_is_named(tmp_path: Path) -> None:
-    slab = model("<geometry><box><size>20 20 0.2</size></box></geometry>", name="slab")
+SLAB = "<geometry><box><size>20 20 0.2</size></box></geometry>"
+
+
+def test_a_slab_under_all_that_stands_there_is_refused(tmp_path: Path) -> None:
+    """Tasks would lie on the ring around it. Without it the world is what stands on it; alone it is an obstacle."""
+    content = model(SLAB, name="slab") + model(CYLINDER, pose=pose("9 9 0 0 0 0")) + model(BOX)
+    with pytest.raises(WorldError, match=r"has 'slab' under all else.* --ignore slab$"):
+        load(tmp_path, content)
+    assert (
+        load(tmp_path, content, ignore=["slab"]).notes == load(tmp_path, model(CYLINDER) + model(BOX)).notes
+    )
+    assert len(load(tmp_path, model(SLAB, name="slab")).polygons) == 1
+
+
+def test_a_slab_beside_which_things_stand_is_named(tmp_path: Path) -> None:
     (reason,) = (
         why
-        for why, names in load(tmp_path, slab + model(CYLINDER)).guessed.items()
+        for why, names in load(
+            tmp_path, model(SLAB, name="slab") + model(CYLINDER, pose=pose("12 0 0 0 0 0"))
+        ).guessed.items()
         if "slab" in names[:1] and "floor" in why
     )
     assert "--ignore" in reason

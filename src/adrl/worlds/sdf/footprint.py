@@ -10,7 +10,9 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from adrl.geometry import lies_within
 from adrl.types import Array
 
 Band = tuple[float, float]
@@ -56,6 +58,20 @@ class Footprint:
         """Square metres; what lies upon another counts twice."""
         rings = [float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) for x, y in (p.T for p in self.polygons)]
         return 0.5 * sum(rings) + math.pi * sum(r * r for _, _, r in self.circles)
+
+    @property
+    def middles(self) -> Array:
+        """(P, 2) one point in each part."""
+        parts = [np.array(self.circles).reshape(-1, 3)[:, :2]]
+        parts += [polygon.mean(axis=0, keepdims=True) for polygon in self.polygons]
+        parts.append(np.array(self.segments).reshape(-1, 2, 2).mean(axis=1))
+        return np.concatenate(parts)
+
+    def covers(self, points: Array) -> NDArray[np.bool_]:
+        """(P, 2) points -> (P,) which lie in one of its parts."""
+        within = [lies_within(polygon, points) for polygon in self.polygons]
+        within += [np.hypot(*(points - (x, y)).T) < r for x, y, r in self.circles]
+        return np.any(within, axis=0) if within else np.zeros(len(points), dtype=np.bool_)
 
     def add_hull(self, points: Array) -> None:
         """The convex hull of (N, 2) points: a polygon, or a segment where they are on a line."""

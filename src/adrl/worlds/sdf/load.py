@@ -202,11 +202,17 @@ class _Reader:
                 + "".join(f"; {line}" for line in _told("left out", self._left_out))
             )
         low, high = whole.extent
-        several = sum(map(bool, (footprint for _, footprint in footprints))) > 1
         for name, footprint in footprints:
-            if several and footprint.area > max(FLOOR_M2, FLOOR_SHARE * float(np.prod(high - low))):
-                why = "cover more than half of the world: a floor? leave it out with --ignore"
-                self._guessed.setdefault(why, []).append(name)
+            others = [other.middles for _, other in footprints if other and other is not footprint]
+            if not others or footprint.area <= max(FLOOR_M2, FLOOR_SHARE * float(np.prod(high - low))):
+                continue
+            if footprint.covers(np.concatenate(others)).all():
+                raise WorldError(
+                    f"has {name!r} under all else that stands in it: a floor higher than {self._band[0]:g} m, beside "
+                    f"which there is nothing to drive through; leave it out with --ignore {name}"
+                )
+            why = "cover more than half of the world: a floor? leave it out with --ignore"
+            self._guessed.setdefault(why, []).append(name)
         return SdfWorld(
             bounds=(*(low - margin_m).tolist(), *(high + margin_m).tolist()),
             circles=np.array(whole.circles).reshape(-1, 3),
