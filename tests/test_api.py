@@ -158,7 +158,12 @@ def test_a_training_that_makes_no_policy_leaves_nothing_that_looks_like_a_run(
         out.mkdir(parents=True)
     learner = TrainConfig(steps=64, start_steps=10_000, pretrain_updates=0, td3=Td3Config(widths=(8,)))
     config = adrl.RunConfig(
-        scenario=Corridor(), method="td3", num_envs=8, task_pool=2, out=out, learner=learner
+        scenario=Corridor(),  # pyright: ignore[reportArgumentType]
+        method="td3",
+        num_envs=8,
+        task_pool=2,
+        out=out,
+        learner=learner,
     )
     with pytest.raises(ConfigError, match="no policy: 64 environment steps"):
         adrl.train(config)
