@@ -31,6 +31,7 @@ from adrl.commands.gazebo import EvaluateOptions as GazeboEvaluateOptions
 from adrl.commands.gazebo import ExportOptions as GazeboExportOptions
 from adrl.commands.gazebo import FilmOptions, TransferOptions
 from adrl.commands.list import ListOptions
+from adrl.commands.regret import RegretOptions
 from adrl.commands.report import ReportOptions
 from adrl.commands.reproduce import ReproduceOptions
 from adrl.commands.run_options import parse_run
@@ -61,6 +62,7 @@ OPTIONS: dict[str, Any] = {
     "gazebo film": FilmOptions,
     "gazebo export": GazeboExportOptions,
     "calibrate": CalibrateOptions,
+    "regret": RegretOptions,
     "reproduce": ReproduceOptions,
     "bench sim": SimOptions,
     "bench plan": PlanOptions,

@@ -20,6 +20,7 @@ COMMANDS = {
     "ros2": "drive a robot with ROS 2, or be one: drive, sim",
     "calibrate": "fit the simulator's base to recorded drives",
     "report": "write one HTML file of a run or a comparison: curves, tables, replays, failures",
+    "regret": "compare methods by how far each is behind the best, over experts, rewards, places and robots",
     "reproduce": "run the paper's experiments again: figures, tables and what does not reproduce",
     "collect": "record A*+DWA demonstrations as a Minari dataset",
     "export": "write a policy as an ONNX model, or for the C++ example",

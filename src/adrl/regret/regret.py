@@ -1,0 +1,150 @@
+"""The protocol of `adrl regret`: a comparison in each cell, and what they say together."""
+
+import importlib.util
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from adrl.comparison.compare import claim, compare
+from adrl.comparison.config import CompareConfig
+from adrl.comparison.jobs import Job, all_jobs, is_finished
+from adrl.comparison.results import outcomes
+from adrl.errors import MissingExtra
+from adrl.registry import look_up
+from adrl.regret.cells import CELLS
+from adrl.regret.numbers import Array, Scores
+from adrl.types import RobotConfig
+from adrl.worlds import load_robot
+from adrl.worlds.tasks import GOAL_TOLERANCE_M, time_limit_s
+
+METHODS = (
+    *("adrl", "adrl-state", "adrl-clock", "td3", "rl-bc", "td3bc", "q-filter"),
+    *("rlpd", "rlpd-cloned", "adaptive-bc", "spread", "ibrl", "jsrl"),
+)
+"""What is compared when nothing else is said; the others are paired with the first."""
+ENOUGH_SEEDS = 10
+"""Seeds from which on a comparison says something."""
+QUICK_STEPS, QUICK_EPISODES, QUICK_SEEDS = 4096, 20, 2
+
+
+def require_statsmodels() -> None:
+    """Raises MissingExtra unless it is installed; does not import it."""
+    if importlib.util.find_spec("statsmodels") is None:
+        raise MissingExtra.named("regret", "adrl regret")
+
+
+def preset(
+    out: str | os.PathLike[str],
+    *,
+    cells: str = "",
+    methods: str = "",
+    seeds: int = ENOUGH_SEEDS,
+    quick: bool = False,
+) -> dict[str, CompareConfig]:
+    """cell -> its comparison. cells, methods: names with commas between; all cells and METHODS when left out.
+
+    quick: every cell with QUICK_STEPS and few tasks, which shows that everything works. Raises UnknownName.
+    """
+    names = list(dict.fromkeys(name.strip() for name in cells.split(",") if name.strip())) or list(CELLS)
+    chosen = [look_up("cell", name, CELLS) for name in names]
+    comparisons = {
+        cell.name: cell.comparison(methods or ",".join(METHODS), seeds, Path(out)) for cell in chosen
+    }
+    return {name: _quick(config) for name, config in comparisons.items()} if quick else comparisons
+
+
+def _quick(config: CompareConfig) -> CompareConfig:
+    learner = replace(config.learner, steps=QUICK_STEPS, eval_interval_steps=QUICK_STEPS)
+    return replace(config, episodes=QUICK_EPISODES, demonstration_steps=QUICK_STEPS, learner=learner)
+
+
+def regret(
+    comparisons: Mapping[str, CompareConfig], on_change: Callable[[int, int, int], None] | None = None
+) -> dict[str, Path]:
+    """Run every job of every cell that has no result yet; see adrl.comparison.compare.compare, which does it.
+
+    on_change(done, running, total) is told the progress over all cells. Returns the jobs whose process failed:
+    cell/name -> its log. Raises AdrlError before any work where one of the cells cannot be run, or has results of
+    other settings.
+    """
+    for config in comparisons.values():
+        claim(config, config.out)
+    jobs = {cell: all_jobs(config) for cell, config in comparisons.items()}
+    total = sum(map(len, jobs.values()))
+    failed: dict[str, Path] = {}
+    for cell, config in comparisons.items():
+        elsewhere = sum(
+            is_finished(comparisons[name], job) for name in jobs if name != cell for job in jobs[name]
+        )
+
+        def tell(done: int, running: int, _: int, elsewhere: int = elsewhere) -> None:
+            if on_change is not None:
+                on_change(elsewhere + done, running, total)
+
+        result = compare(config, tell)
+        failed |= {f"{cell}/{job}": log for job, log in result.failed.items()}
+    return failed
+
+
+def missing(comparisons: Mapping[str, CompareConfig]) -> dict[str, list[str]]:
+    """cell -> its trainings that have no result; no entry for a complete cell."""
+    lacking = {
+        cell: [job.name for job in _trainings(config) if not is_finished(config, job)]
+        for cell, config in comparisons.items()
+    }
+    return {cell: names for cell, names in lacking.items() if names}
+
+
+def _trainings(config: CompareConfig) -> list[Job]:
+    return [job for job in all_jobs(config) if job.seed is not None]
+
+
+def scores(comparisons: Mapping[str, CompareConfig]) -> tuple[Scores, dict[str, list[float]]] | None:
+    """What the complete cells measured, and cell -> each method's Av.T over the tasks that all runs of the cell solved.
+
+    A cell counts when every method has every seed: a part would compare methods over different seeds. None where no
+    cell is complete. Raises CheckpointError for a broken file.
+    """
+    lacking = missing(comparisons)
+    complete = {cell: config for cell, config in comparisons.items() if cell not in lacking}
+    if not complete:
+        return None
+    success, time_s, common_s = [], [], {}
+    for cell, config in complete.items():
+        runs = _columns(config)
+        robot = load_robot(config.robot)
+        success.append(runs["success"].mean(axis=2))
+        time_s.append(penalised_time_s(runs, robot).mean(axis=2))
+        solved = runs["success"].all(axis=(0, 1))
+        common = (
+            runs["time_s"][:, :, solved].mean(axis=(1, 2))
+            if solved.any()
+            else np.full(len(runs["task"]), np.nan)
+        )
+        common_s[cell] = common.tolist()
+    methods = next(iter(complete.values())).method_names
+    found = Scores(cells=tuple(complete), methods=methods, success=np.array(success), time_s=np.array(time_s))
+    return found, common_s
+
+
+def _columns(config: CompareConfig) -> dict[str, Array]:
+    """Columns of the episodes of all runs, (M methods, S seeds, E tasks), in the order of the tasks."""
+    runs = [outcomes(config.out / job.name)[config.resolved_guidance()] for job in _trainings(config)]
+    orders = [np.argsort(run["task"], kind="stable") for run in runs]
+    shape = (config.seeds, len(config.method_names), -1)  # jobs are seed-major
+    return {
+        name: np.array([run[name][order] for run, order in zip(runs, orders, strict=True)])
+        .reshape(shape)
+        .swapaxes(0, 1)
+        for name in ("task", "success", "time_s", "shortest_m")
+    }
+
+
+def penalised_time_s(columns: Mapping[str, Array], robot: RobotConfig) -> Array:
+    """Time of each episode; of one that did not reach the goal, its task's time limit."""
+    to_goal_m = columns["shortest_m"] + GOAL_TOLERANCE_M  # episodes end in the goal's disc
+    limit_s = np.reshape([time_limit_s(m, robot) for m in to_goal_m.flat], to_goal_m.shape)
+    return np.where(columns["success"], columns["time_s"], limit_s)

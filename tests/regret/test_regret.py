@@ -1,0 +1,160 @@
+"""adrl regret: real runs of seconds, killed and gone on with, and what its page says."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from adrl.agents.config import Td3Config
+from adrl.comparison.config import CompareConfig
+from adrl.errors import ConfigError
+from adrl.regret.cells import CELLS
+from adrl.regret.page import write_page
+from adrl.regret.regret import missing, penalised_time_s, preset, regret, scores
+from adrl.worlds import load_robot, task_set
+from small_run import contents, run_cli
+from waiting import wait_until
+
+CELL_NAMES = ("slow-dense-clutter-diffbot", "narrow-shy-terminal-clutter-jackal")
+HERE = Path(__file__).parent
+GIVE_UP_S = 250.0
+
+
+def tiny(out: Path, methods: str = "adrl,td3", seeds: int = 2) -> dict[str, CompareConfig]:
+    """Two cells with sizes of seconds."""
+    found = {}
+    for name, config in preset(out, cells=",".join(CELL_NAMES), methods=methods, seeds=seeds).items():
+        learner = replace(
+            config.learner,
+            steps=1024,
+            start_steps=256,
+            pretrain_updates=8,
+            critic_warmup_updates=8,
+            eval_interval_steps=1024,
+            td3=Td3Config(widths=(16, 16)),
+        )
+        sizes = {"episodes": 6, "num_envs": 16, "task_pool": 4, "demonstration_steps": 512}
+        found[name] = replace(config, validation_episodes=2, learner=learner, workers=1, **sizes)
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_a_killed_one_goes_on_and_tells_what_the_episodes_give(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    code = "from test_regret import *; import sys; regret(tiny(Path(sys.argv[1])))"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, str(out)],
+        cwd=HERE,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(HERE), str(HERE.parent)])},
+    )
+    first = out / CELL_NAMES[0]
+    wait_until(lambda: len(list(first.glob("*-s*/summary.json"))) >= 1, GIVE_UP_S)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+
+    comparisons = tiny(out)
+    finished = [path.parent for path in out.glob("*/*/summary.json")]
+    before = {folder: contents(folder) for folder in finished}
+    assert missing(comparisons), "nothing was left to do"
+    write_page(comparisons, out)
+    said = json.loads((out / "regret.json").read_text())
+    assert said["missing"] == missing(comparisons)
+    assert said["rows"] == [], "a part of a cell is compared with nothing"
+
+    told = []
+    assert regret(comparisons, lambda done, _, total: told.append((done, total))) == {}
+    assert told[-1] == (10, 10)
+    assert {folder: contents(folder) for folder in finished} == before
+    assert missing(comparisons) == {}
+    write_page(comparisons, out)
+    check_page(comparisons, out)
+
+    whole = contents(out)
+    assert regret(comparisons) == {}
+    assert {n: c for n, c in contents(out).items() if n.endswith("summary.json")} == {
+        n: c for n, c in whole.items() if n.endswith("summary.json")
+    }
+    with pytest.raises(ConfigError, match="episodes: 6 there, 5 here"):
+        regret({name: replace(config, episodes=5) for name, config in comparisons.items()})
+
+
+def check_page(comparisons: dict[str, CompareConfig], out: Path) -> None:
+    """The JSON holds what the episodes give, worked out here another way."""
+    said = json.loads((out / "regret.json").read_text())
+    assert said["schema_version"] == 1
+    assert (said["methods"], said["seeds"], said["claim"]) == (["adrl", "td3"], 2, False)
+    regrets = {"adrl": [], "td3": []}
+    for cell in CELL_NAMES:
+        means = {}
+        for method in regrets:
+            runs = [pq.read_table(out / cell / f"{method}-s{seed}" / "episodes.parquet") for seed in (0, 1)]
+            means[method] = np.mean([np.mean(run.column("success").to_pylist()) for run in runs])
+        for method, found in regrets.items():
+            found.append(max(means.values()) - means[method])
+    for row in said["rows"]:
+        assert row["regret_success"] == pytest.approx(np.mean(regrets[row["method"]]))
+        assert row["regret_time"] >= 0.0
+    assert len(said["cell_rows"]) == 4
+    page = (out / "README.md").read_text()
+    assert "2 of 10 seeds: fewer than 10 make no claim" in page
+    assert all(cell in page for cell in CELL_NAMES)
+    assert (out / "regret.png").stat().st_size > 1000
+
+
+def test_a_task_that_was_not_solved_takes_its_time_limit() -> None:
+    robot = load_robot("diffbot")
+    tasks = task_set(comparison_scenario(), robot, "test", 3)
+    columns = {
+        "success": np.array([True, False, False]),
+        "time_s": np.array([9.0, 2.0, tasks[2].time_limit_s]),
+        "shortest_m": np.array([task.shortest_m - task.goal_tolerance_m for task in tasks]),
+    }
+    expected = [9.0, tasks[1].time_limit_s, tasks[2].time_limit_s]
+    assert penalised_time_s(columns, robot) == pytest.approx(expected)
+
+
+def comparison_scenario():
+    return preset("out", cells=CELL_NAMES[0])[CELL_NAMES[0]].load()
+
+
+def test_nothing_complete_says_nothing(tmp_path: Path) -> None:
+    comparisons = tiny(tmp_path)
+    assert scores(comparisons) is None
+    assert missing(comparisons)[CELL_NAMES[0]] == ["adrl-s0", "td3-s0", "adrl-s1", "td3-s1"]
+
+
+class TestCommand:
+    def test_it_lists_its_cells(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+        assert run_cli("regret", "--list", "--out", tmp_path / "out") == 0
+        assert [line.partition(":")[0] for line in capsys.readouterr().out.splitlines()] == list(CELLS)
+        assert not (tmp_path / "out").exists()
+
+    def test_fewer_seeds_are_warned_of(self, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+        options = ("--tables-only", "--cells", CELL_NAMES[0], "--methods", "adrl,td3", "--seeds", 3)
+        assert run_cli("regret", *options, "--out", tmp_path / "out") == 0
+        assert "3 of 10 seeds: fewer than 10 make no claim" in capsys.readouterr().err
+        assert run_cli("regret", *options[:-1], 10, "--out", tmp_path / "ten") == 0
+        assert "WARNING" not in capsys.readouterr().err
+
+    @pytest.mark.parametrize(
+        ("options", "says"),
+        [
+            (("--cells", "slow-dense-cluter-diffbot"), "did you mean 'slow-dense-clutter-diffbot'"),
+            (("--methods", "adlr"), "did you mean 'adrl'"),
+            (("--seeds", "0"), "seeds is 0"),
+        ],
+    )
+    def test_bad_input_is_refused(
+        self, options: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
+    ) -> None:
+        assert run_cli("regret", *options, "--out", tmp_path / "out") == 2
+        assert says in capsys.readouterr().err
+        assert not (tmp_path / "out").exists()
