@@ -40,6 +40,7 @@ from adrl.comparison.config import CompareConfig
 from adrl.deploy.policy import SHIPPED
 from adrl.evaluation.results import read_episodes
 from adrl.evaluation.rollout import Rollout, rollout
+from adrl.imitation.experts import EXPERTS
 from adrl.integrations.ros.config import DriveConfig, SimConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.runs import RunConfig
@@ -192,7 +193,17 @@ class TestHelp:
         assert main(["list"]) == 0
         named = {line.split()[0] for line in capsys.readouterr().out.splitlines() if line.startswith("  ")}
         assert named == {
-            *(*ROBOTS, *SCENARIOS, *METHODS, *SB3_METHODS, *GUIDANCE, *SIMULATORS, *PLANNERS, *SHIPPED)
+            *(
+                *ROBOTS,
+                *SCENARIOS,
+                *METHODS,
+                *SB3_METHODS,
+                *EXPERTS,
+                *GUIDANCE,
+                *SIMULATORS,
+                *PLANNERS,
+                *SHIPPED,
+            )
         }
 
     def test_list_names_what_installed_packages_offer(
