@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from adrl.geometry import lies_within
 from adrl.types import Array
+from adrl.types.polygons import turns
 
 Band = tuple[float, float]
 """Least and greatest height."""
@@ -83,8 +84,8 @@ class Footprint:
         except (QhullError, ValueError):
             corners = points[:0]
         # Rounding may leave corners on, or just inside, the line of their neighbours: no corners then.
-        while len(corners) >= 3 and (turns := _turns(corners)).min() <= 0.0:
-            corners = np.delete(corners, turns.argmin(), axis=0)
+        while len(corners) >= 3 and (turn := np.roll(turns(corners), 1)).min() <= 0.0:
+            corners = np.delete(corners, turn.argmin(), axis=0)
         if len(corners) >= 3:
             self.polygons.append(np.ascontiguousarray(corners))
         else:
@@ -93,12 +94,6 @@ class Footprint:
             a, b = points[order.argmin()], points[order.argmax()]
             if np.hypot(*(b - a)) > 0.0:
                 self.segments.append((*a, *b))
-
-
-def _turns(corners: Array) -> Array:
-    """(V,) positive where a polygon turns left at a corner."""
-    behind, ahead = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
-    return behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0]
 
 
 class Solid(Protocol):
