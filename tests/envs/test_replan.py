@@ -133,15 +133,17 @@ def test_what_has_not_been_seen_does_not_matter() -> None:
     np.testing.assert_array_equal(*tracks)
 
 
-def test_the_observation_shows_the_waypoint_from_the_odometry() -> None:
+def test_the_observation_shows_where_the_waypoint_is_from_the_odometry() -> None:
+    """Its direction: a waypoint is near, and is shown as far as a goal that is not about to be reached."""
     sim = NavSim(1, ROBOT, guidance="replan", encoder=ENCODER, replanner=CONFIG)
     start = dataclasses.replace(u_trap(), start=(0.6, 0.0, 0.0))
     sim.reset(np.array([0]), [start], np.array([1], dtype=np.uint64), np.random.default_rng(0))
     for _ in range(25):
         sim.step(np.array([[-1.0, 0.2]], dtype=np.float32))
     goal = in_robot_frame(sim.b["odometry"], sim.b["waypoint"])
-    shown = sim.encoder.encode(sim.b["ranges"], goal, sim.b["twist"], sim._last_action)
-    np.testing.assert_array_equal(sim.observe(), shown)
+    far = goal / np.hypot(*goal.T) * CONFIG.lookahead_m
+    shown = sim.encoder.encode(sim.b["ranges"], far, sim.b["twist"], sim._last_action)
+    np.testing.assert_allclose(sim.observe(), shown, atol=1e-6)
     assert not np.array_equal(sim.b["waypoint"][0], start.goal)
 
 

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from adrl import _core
@@ -221,6 +223,26 @@ def test_a_robot_shut_in_with_room_heads_for_the_place_nearest_to_the_goal() -> 
     assert replanner.replans[0] == 1
     assert 0.0 < waypoints[-1, 0] <= 0.15
     assert abs(waypoints[-1, 1]) < 0.05
+
+
+@given(
+    polar=st.tuples(st.floats(0.01, 3.0), st.floats(-math.pi, math.pi)),
+    beyond_m=st.floats(0.0, 30.0),
+    lookahead_m=st.floats(0.3, 5.0),
+)
+def test_a_waypoint_is_shown_as_a_goal_that_is_not_yet_near(
+    polar: tuple[float, float], beyond_m: float, lookahead_m: float
+) -> None:
+    """In its direction, never nearer than it is, lookahead_m away unless the goal itself is nearer along the route."""
+    distance, angle = polar
+    replanner = Replanner(2, ROBOT, ReplannerConfig(cells=40, lookahead_m=lookahead_m))
+    replanner.b["beyond"][:] = 0.0, beyond_m
+    point = distance * np.array([[math.cos(angle), math.sin(angle)]])
+    goal, waypoint = replanner.as_goals(np.repeat(point, 2, axis=0))
+    np.testing.assert_array_equal(goal, point[0])
+    assert math.hypot(*waypoint) == pytest.approx(max(distance, min(lookahead_m, distance + beyond_m)))
+    assert math.atan2(*waypoint[::-1]) == pytest.approx(math.atan2(*point[0, ::-1]))
+    np.testing.assert_array_equal(replanner.as_goals(point, np.array([1])), [waypoint])
 
 
 def test_handed_back_when_the_goal_is_seen() -> None:

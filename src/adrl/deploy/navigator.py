@@ -209,8 +209,9 @@ class Navigator:
         self._under_way, self._new_goal = True, False
         self._remember(ranges, reckoned)
         towards = in_robot_frame(np.array([place]), np.array([waypoint]))
+        goals = towards if self._replanner is None else self._replanner.as_goals(towards)
         measured = np.array([odometry.twist])
-        seen = self._encoder.encode(ranges, towards, measured, self._action, self._history)
+        seen = self._encoder.encode(ranges, goals, measured, self._action, self._history)
         if not self._begun:
             begin(self.policy, ONE)
         self._begun = True

@@ -158,6 +158,8 @@ class NavSim:
         # A known map comes with localisation; mapless robots only have their odometry.
         pose = b["pose"] if self.guidance == "map" else b["odometry"]
         goal = in_robot_frame(pose[rows], b["waypoint"][rows])
+        if self.replanner is not None:
+            goal = self.replanner.as_goals(goal, rows)
         history = self._history
         if history is not None and not isinstance(rows, slice):
             history = history.of(rows)

@@ -20,6 +20,7 @@ from adrl.types import Array, Form, RobotConfig
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
+Rows = slice | NDArray[np.intp]
 
 LEAST_STEPS = 2
 """Control periods between two plans: in tight places waypoints are near, and every step would ask for one."""
@@ -138,6 +139,17 @@ class Replanner:
     def waypoints(self) -> Array:
         """(N, 2) where to head for: a copy."""
         return np.where(self.following[:, None], self.b["waypoint"], self.b["goal"])
+
+    def as_goals(self, towards: Array, rows: Rows = slice(None)) -> Array:
+        """(M, 2) waypoints of the robots `rows`, in their frames -> where a policy is shown its goal.
+
+        In the same direction, at least lookahead_m away, but never farther than the goal along the route: a waypoint is
+        passed, not arrived at. A policy that was trained with the goal alone has seen no other point so near, and
+        drives straight at it, as its episode ends there, whatever stands beside the way.
+        """
+        distance = np.maximum(np.hypot(towards[:, 0], towards[:, 1]), 1e-9)
+        shown = np.minimum(self.config.lookahead_m, distance + self.beyond_m[rows])
+        return towards * np.maximum(shown / distance, 1.0)[:, None]
 
     def reset(self, indices: NDArray[np.intp], goals: Array, odometry: Array) -> None:
         """Begin anew with robots `indices` (M,): goals (M, 2), odometry (M, 3) where they stand. The map is empty."""
