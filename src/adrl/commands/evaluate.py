@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from adrl import api
+from adrl.commands.drive_options import TasksOptions
 from adrl.commands.options import load_place, parse, write_document
 from adrl.commands.progress import console, counting_bar
 from adrl.errors import ConfigError
@@ -14,29 +14,14 @@ from adrl.outputs import require_file
 from adrl.types import Task
 from adrl.worlds import load_robot, single_task
 from adrl.worlds.fixed import FixedWorld
-from adrl.worlds.place import Place
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluateOptions(Place):
-    """Which policy drives where."""
+class EvaluateOptions(TasksOptions):
+    """Which policy drives where, and what is kept of it."""
 
-    policy: str = api.DEFAULT
-    """astar-dwa (knows the map), a shipped policy (adrl list), a run folder, or one of your own: module:object, the
-    model.onnx of adrl export, a model.zip of Stable-Baselines3, or a name that an installed package offers."""
-    robot: str | None = None
-    """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
-    guidance: Literal["goal", "replan", "map"] | None = None
-    """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when blocked;
-    map: a waypoint on the A* path of the known map. As trained when left out."""
     paper_literal: bool = False
     """Guidance replan computes eqs 18, 20 and 21/23 exactly as printed; docs/fidelity.md lists the differences."""
-    split: Literal["train", "validation", "test"] = "test"
-    """Which tasks: task i of a split is the same for ever."""
-    episodes: int = 500
-    """Tasks to drive, one episode each."""
-    seed: int = 0
-    """Of the sensors' noise; the tasks stay the same."""
     start: tuple[float, float, float] | None = None
     """x (m), y (m) and yaw (rad) of one task of your own on --map or --world; needs --goal."""
     goal: tuple[float, float] | None = None
@@ -49,8 +34,6 @@ class EvaluateOptions(Place):
     """ROS 1 bag (FILE.bag), or folder of a ROS 2 bag (MCAP), for what the robot saw, was told and did (extra bags)."""
     bag_tasks: tuple[int, ...] = ()
     """Numbers of the tasks that go into the bag; all when left out."""
-    json: Path | None = None
-    """File for the summary; - prints it."""
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -96,5 +79,4 @@ def _own_task(options: EvaluateOptions) -> list[Task] | None:
         raise ConfigError(
             f"--start and --goal need --map or --world; scenario {place.name!r} has many worlds"
         )
-    robot = load_robot(options.robot) if options.robot else api.robot_of(options.policy)
-    return [single_task(place.world, options.start, options.goal, robot)]
+    return [single_task(place.world, options.start, options.goal, options.driven_robot())]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from adrl import api, files
+from adrl.commands.drive_options import PolicyOptions, TasksOptions
 from adrl.commands.options import Runner, load_place, parse, subcommand, write_document
 from adrl.commands.progress import console, counting_bar, progress_bar
 from adrl.errors import ConfigError
@@ -27,36 +28,15 @@ TRANSFER_FILE = "transfer.json"
 
 
 @dataclass(frozen=True, kw_only=True)
-class PolicyOptions(Place):
+class GazeboOptions(TasksOptions):
     """Which policy drives where. Worlds are flattened to their boxes, cylinders and walls."""
 
-    policy: str = api.DEFAULT
-    """astar-dwa (knows the map), a shipped policy (adrl list), a run folder, or one of your own: module:object, the
-    model.onnx of adrl export, a model.zip of Stable-Baselines3, or a name that an installed package offers."""
-    robot: str | None = None
-    """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
-    guidance: Literal["goal", "replan", "map"] | None = None
-    """As adrl evaluate has it; as trained when left out."""
-    split: Literal["train", "validation", "test"] = "test"
-    """Which tasks: task i of a split is the same for ever."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TasksOptions(PolicyOptions):
-    """How many tasks it drives."""
-
-    episodes: int = 500
-    """Tasks to drive, one episode each in each simulator."""
     num_envs: int = 8
     """Robots that Gazebo drives side by side, each in a world of its own."""
-    seed: int = 0
-    """Of the sensors' noise; the tasks stay the same."""
-    json: Path | None = None
-    """File for the results; - prints them."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluateOptions(TasksOptions):
+class EvaluateOptions(GazeboOptions):
     """What is kept of the drives in Gazebo."""
 
     drives: Path | None = None
@@ -68,7 +48,7 @@ class EvaluateOptions(TasksOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TransferOptions(TasksOptions):
+class TransferOptions(GazeboOptions):
     """What is kept of the drives in both simulators."""
 
     out: Path | None = None
@@ -133,7 +113,7 @@ def _transfer(arguments: Sequence[str]) -> int:
     require_folder("--out", options.out, TRANSFER_FILE)
     require_file("--json", options.json)
     load_place(options)
-    robot = _robot(options)
+    robot = options.driven_robot()
     driven = {
         "gazebo": _drive(options, "Gazebo", robot=robot, make_body=partial(Gazebo, num_envs=options.num_envs))
     }
@@ -157,7 +137,7 @@ def _film(arguments: Sequence[str]) -> int:
     require_file("--out", options.out)
     if options.frames < 1:
         raise ConfigError(f"frames is {options.frames}; give 1 or more")
-    place, robot = load_place(options), _robot(options)
+    place, robot = load_place(options), options.driven_robot()
     tasks = task_set(place, robot, options.split, 1, first=options.task)
     pictures: list[bytes] = []
 
@@ -230,10 +210,6 @@ def _drive(
         drives=recorder.drives(),
     )
     return side, result
-
-
-def _robot(options: PolicyOptions) -> RobotConfig:
-    return load_robot(options.robot) if options.robot else api.robot_of(options.policy)
 
 
 WHAT: dict[str, tuple[str, Runner]] = {
