@@ -16,6 +16,7 @@ from adrl.bags import messages
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 KINDS = {
     "/scan": "sensor_msgs/msg/LaserScan",
+    "/rear": "sensor_msgs/msg/LaserScan",
     "/odom": "nav_msgs/msg/Odometry",
     "/cmd_vel": "geometry_msgs/msg/Twist",
     "/goal_pose": "geometry_msgs/msg/PoseStamped",

@@ -9,11 +9,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import nav2_files
+import urdf_files
 from adrl.agents import checkpoint
 from adrl.comparison import results as compared
 from adrl.deploy.onnx_policy import OnnxPolicy
 from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
+from adrl.descriptions import (
+    Reading,
+    given_fields,
+    read_nav2,
+    read_recorded_robot,
+    read_urdf,
+    robot_of,
+    robot_text,
+    settle,
+)
 from adrl.envs import NavVectorEnv
 from adrl.errors import AdrlError, FileError
 from adrl.evaluation.traces import read_traces
@@ -28,6 +40,7 @@ from adrl.types import RobotConfig
 from adrl.worlds import MapScenario, load_robot, load_sdf
 from adrl.worlds.place import Place
 from adrl.worlds.robots import robot_toml
+from bag_corridor import corridor_bag
 from map_files import write_map
 from mutations import mutated
 from small_run import run_cli
@@ -65,6 +78,17 @@ def read_reproduction(folder: Path) -> None:
         table_rows(results, scenario)
 
 
+def described(reading: Reading) -> None:
+    """As far as adrl robot goes with it."""
+    settled = settle([*given_fields(["lidar.num_beams=90"]), *reading.findings])
+    chosen = dict(settled.chosen)
+    for name in settled.missing:
+        (chosen[name],) = given_fields(
+            [f"{name}=0.0" if "min_speed" in name or "mount" in name else f"{name}=1"]
+        )
+    robot_text(robot_of("cart", chosen), chosen, Path("cart.toml"))
+
+
 def read_onnx(path: Path) -> None:
     """The metadata alone: a model's other parts are ONNX Runtime's."""
     text = path.read_bytes().decode("utf-8", errors="replace")
@@ -99,6 +123,9 @@ READERS: dict[str, tuple[str, str, Callable[[Path], object]]] = {
     "comparison": ("comparison", "adrl-s0/summary.json", read_comparison),
     "comparison's results": ("comparison", "results.json", read_report),
     "comparison's settings": ("comparison", "settings.json", read_report),
+    "nav2": ("nav2", "nav2.yaml", lambda folder: described(read_nav2([folder / "nav2.yaml"]))),
+    "urdf": ("urdf", "cart.urdf", lambda folder: described(read_urdf(folder / "cart.urdf"))),
+    "bag": ("bag", "bag.mcap", lambda folder: described(read_recorded_robot(folder))),
     "robot": ("robot", "cart.toml", lambda folder: load_robot(folder / "cart.toml")),
     "map": ("map", "map.yaml", lambda folder: MapScenario(folder / "map.yaml")),
     "world": ("world", "w.sdf", lambda folder: load_sdf(folder / "w.sdf")),
@@ -165,6 +192,11 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> Path:
     robot = RobotConfig(radius_m=None, footprint_m=footprint)
     (top / "robot" / "cart.toml").write_text(robot_toml(robot))
     write_map(top / "map", np.pad(np.full((30, 30), 254), 1))
+    for name in ("nav2", "urdf"):
+        (top / name).mkdir()
+    nav2_files.write(top / "nav2" / "nav2.yaml", nav2_files.parameters(robot))
+    (top / "urdf" / "cart.urdf").write_text(urdf_files.urdf())
+    corridor_bag(top / "bag")
     (top / "world" / "w.sdf").write_text(WORLD)
     return top
 

@@ -79,3 +79,21 @@ def lies_within(corners: Array, points: Array) -> NDArray[np.bool_]:
         edge, offset = end - start, points - start
         within &= edge[0] * offset[..., 1] > edge[1] * offset[..., 0]
     return within
+
+
+TILT_RAD = 0.05
+"""A LiDAR that is tilted by more sees the floor and no plane."""
+
+
+def level_mount(place: Array, axes: Array) -> tuple[Pose, bool]:
+    """Where a LiDAR sits on a robot, and whether upside down: it then turns the other way round.
+
+    place: (3,) in the robot's frame. axes: (3, 3), its x, y and z axis as columns. Raises ValueError, whose text goes
+    on from the LiDAR's name, for one that does not scan the plane.
+    """
+    tilt = math.acos(min(1.0, abs(axes[2, 2])))
+    if not tilt <= TILT_RAD:
+        raise ValueError(
+            f"is tilted by {math.degrees(tilt):.1f} degrees; only one that scans level, or upside down, can be used"
+        )
+    return (float(place[0]), float(place[1]), math.atan2(axes[1, 0], axes[0, 0])), bool(axes[2, 2] < 0.0)

@@ -34,6 +34,11 @@ class Bag:
         """Those it has, also the empty ones."""
         return {connection.topic for connection in self._reader.connections}
 
+    @property
+    def is_ros2(self) -> bool:
+        """Whether ROS 2 recorded it."""
+        return bool(self._reader.is2)
+
     def types(self, topic: str) -> set[str]:
         """Of a topic's messages, such as "geometry_msgs/msg/Twist"; none for a topic that it does not have."""
         return {line.msgtype for line in self._reader.connections if line.topic == topic}

@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.bags import Bag
+from adrl.bags.mounts import STILL_M, STILL_RAD, read_mount
 from adrl.bags.odometry import OdometryTable, one_frame
 from adrl.bags.reader import SCANS
-from adrl.bags.transforms import Chain, Transforms, frame_name
+from adrl.bags.transforms import Transforms, frame_name
 from adrl.deploy.messages import Odometry, Scan
 from adrl.deploy.scan_reader import ScanReader
 from adrl.deploy.supervisor import SupervisorConfig
@@ -18,12 +19,8 @@ from adrl.errors import DatasetError
 from adrl.geometry import Pose
 from adrl.types import Array, RobotConfig
 
-TILT_RAD = 0.05
-"""A LiDAR that is tilted by more sees the floor and no plane."""
-STILL_M, STILL_RAD = 0.02, 0.02
-"""A mount that moves by more on the robot is none, and one that is nearer to the robot file's not worth a word."""
 SAME = 1e-3
-"""m, rad: transforms are not told to the last digit."""
+"""m, rad: transforms are not told to the last digit. A mount within STILL_M of the robot file's is not worth a word."""
 NOTHING_BACK, SELDOM = 0.01, 10.0
 """Zeros or NaN in more than this share of the beams are free where beams that say so themselves are so many times
 fewer: indoors some wall is always just at the greatest range."""
@@ -190,43 +187,24 @@ def _mount(
     """Where the LiDAR sits, whether upside down, and what to say: by /tf, else by the robot's file."""
     lidar = robot.lidar
     configured = (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad)
-    chain = _from_base(transforms, frame, odometry)
-    if chain is None:
+    mount = read_mount(bag, topic, transforms, frame, odometry)
+    if mount is None:
         unrelated = frame in transforms.frames
         told = f"/tf does not relate the frames {odometry.base!r} of the odometry and {frame!r} of {topic}: robot "
         return configured, False, f"{told}{robot.name!r} says where the LiDAR is" if unrelated else ""
-    place, turn = chain.at(chain.times_s)
-    where = f"/tf says that the LiDAR of {topic} ({chain})"
-    if np.ptp(place, axis=0).max() > STILL_M or (turn[0].inv() * turn).magnitude().max() > STILL_RAD:
-        raise DatasetError(
-            f"{bag.path}: {where} moves on the robot; record one that is fixed, or leave out who moves it"
-        )
-    axes = turn[-1].as_matrix()  # its x, y and z axis in the robot's frame
-    tilt = math.acos(min(1.0, abs(axes[2, 2])))
-    if tilt > TILT_RAD:
-        raise DatasetError(
-            f"{bag.path}: {where} is tilted by {math.degrees(tilt):.1f} degrees; only one that scans level, or upside "
-            f"down, can be used: mend the transform, or mount it level"
-        )
-    upside_down = bool(axes[2, 2] < 0.0)
-    mount = (float(place[-1, 0]), float(place[-1, 1]), math.atan2(axes[1, 0], axes[0, 0]))
-    apart_m = math.dist(mount[:2], configured[:2])
-    apart_rad = abs(math.remainder(mount[2] - configured[2], 2.0 * math.pi))
-    if not upside_down and apart_m < SAME and apart_rad < SAME:
+    apart_m = math.dist(mount.pose[:2], configured[:2])
+    apart_rad = abs(math.remainder(mount.pose[2] - configured[2], 2.0 * math.pi))
+    if not mount.upside_down and apart_m < SAME and apart_rad < SAME:
         return configured, False, ""
-    if not upside_down and apart_m < STILL_M and apart_rad < STILL_RAD:
-        return mount, False, ""
-    sits = f"{_pose(mount)}{', upside down' if upside_down else ''}"
+    if not mount.upside_down and apart_m < STILL_M and apart_rad < STILL_RAD:
+        return mount.pose, False, ""
+    sits = f"{_pose(mount.pose)}{', upside down' if mount.upside_down else ''}"
     has = f"robot {robot.name!r} has {_pose(configured)}"
-    return mount, upside_down, f"{where} sits at {sits}, {has}: that of /tf is used"
-
-
-def _from_base(transforms: Transforms, frame: str, odometry: OdometryTable) -> Chain | None:
-    """The LiDAR in the robot's frame; where odometry does not name that, it is the first below the odometry's."""
-    if odometry.base:
-        return transforms.chain(odometry.base, frame)
-    chain = transforms.chain(odometry.frame, frame)
-    return transforms.chain(chain.frames[1], frame) if chain is not None and len(chain.frames) > 1 else None
+    return (
+        mount.pose,
+        mount.upside_down,
+        f"{mount.where} sits at {sits}, {has}: that of /tf is used",
+    )
 
 
 def _pose(pose: Pose) -> str:

@@ -1,0 +1,202 @@
+"""adrl robot: makes a robot file of what there is, asks for the rest by name, and draws it."""
+
+import os
+import pty
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from matplotlib.image import imread
+
+from adrl._core import Braking
+from adrl.report.robot_figure import derived
+from adrl.types import RobotConfig
+from adrl.worlds import ROBOTS, load_robot
+from nav2_files import parameters, write
+from small_run import run_cli
+from urdf_files import DRIVE, sensor, urdf
+
+CART = RobotConfig(
+    name="cart",
+    radius_m=None,
+    footprint_m=((0.15, 0.2), (-0.35, 0.2), (-0.35, -0.2), (0.15, -0.2)),
+    max_speed_mps=0.8,
+    min_speed_mps=-0.2,
+)
+REST = (
+    *(
+        "lidar.num_beams=180",
+        "lidar.fov_rad=4.7",
+        "lidar.mount_x_m=0.1",
+        "lidar.mount_y_m=0",
+        "lidar.mount_yaw_rad=0",
+    ),
+)
+
+
+@pytest.fixture
+def nav2(tmp_path: Path) -> Path:
+    return write(tmp_path / "nav2.yaml", parameters(CART))
+
+
+def given_by(*texts: str) -> list[str]:
+    return [word for text in texts for word in ("--set", text)]
+
+
+def test_parameters_and_settings_make_a_robot(
+    tmp_path: Path, nav2: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine.toml"
+    assert run_cli("robot", "--from-nav2", nav2, *given_by(*REST), "--out", out) == 0
+    robot = load_robot(out)
+    assert (robot.name, robot.footprint_m, robot.min_speed_mps) == ("mine", CART.footprint_m, -0.2)
+    text = out.read_text()
+    assert f"max_speed_mps = 0.8  # {nav2}: controller_server.FollowPath.max_vel_x" in text
+    assert "obstacle_max_range, a hint: no source says it outright" in text
+    assert "num_beams = 180  # --set" in text
+    assert "lag_s = 0.05  # the default: no source says it; adrl calibrate" in text
+    command = f"adrl ros2 drive --robot {out} --odom-frame odom --map-frame map --base-frame base_footprint"
+    assert f"{command} --ros-args -r scan:=/front/scan" in text.partition("\n")[0]
+    captured = capsys.readouterr()
+    assert captured.out == f"{out}\n"
+    assert command in captured.err
+
+
+def test_without_out_the_file_is_printed(nav2: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_cli("robot", "--from-nav2", nav2, *given_by(*REST)) == 0
+    assert tomllib.loads(capsys.readouterr().out)["lidar"]["num_beams"] == 180
+
+
+def test_what_is_missing_is_asked_for_by_name_a_line_each(
+    tmp_path: Path, nav2: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "mine.toml"
+    assert run_cli("robot", "--from-nav2", nav2, "--out", out) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == len(REST)
+    give = "give --set lidar.num_beams=NUMBER (1 to 2048, a whole number)"
+    assert lines[0] == f"adrl: error: lidar.num_beams is not in {nav2}; {give}"
+    assert "give --set lidar.fov_rad=NUMBER (0.001 to 6.28319 rad)" in lines[1]
+    assert not out.exists()
+
+
+@pytest.mark.integration
+def test_at_a_terminal_what_is_missing_is_a_question(tmp_path: Path, nav2: Path) -> None:
+    out = tmp_path / "mine.toml"
+    terminal, its_end = pty.openpty()
+    command = [sys.executable, "-m", "adrl.cli", "robot", "--from-nav2", nav2, "--out", out]
+    with subprocess.Popen(command, stdin=its_end, stderr=subprocess.PIPE, text=True) as process:
+        os.write(terminal, b"many\n180\n4.7\n0.1\n0\n0\n")
+        error = process.communicate(timeout=120)[1]
+    os.close(its_end)
+    os.close(terminal)
+    assert process.returncode == 0, error
+    assert "lidar.num_beams (1 to 2048, a whole number): " in error
+    assert "lidar.num_beams=many: give 1 to 2048, a whole number" in error
+    assert load_robot(out).lidar.num_beams == 180
+
+
+def test_sources_are_combined(tmp_path: Path, nav2: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("yourdfpy")
+    body = tmp_path / "cart.urdf"
+    body.write_text(urdf(drive=""))
+    out = tmp_path / "mine.toml"
+    assert run_cli("robot", "--from-nav2", nav2, "--from-urdf", body, "--out", out) == 0
+    robot = load_robot(out)
+    assert (robot.max_speed_mps, robot.control_period_s, robot.lidar.num_beams) == (0.8, 0.05, 271)
+    body.write_text(urdf(drive="", body='<box size="0.7 0.4 0.2"/>'))
+    out.unlink()
+    assert run_cli("robot", "--from-nav2", nav2, "--from-urdf", body, "--out", out) == 2
+    error = capsys.readouterr().err
+    for text in (f"{nav2}: local_costmap", f"{body}: the hull of its collisions", "--set 'footprint_m=[["):
+        assert text in error
+    assert not out.exists()
+
+
+def test_a_scan_beside_its_sensor_s_axis_gives_the_nodes_the_sensor(tmp_path: Path) -> None:
+    pytest.importorskip("yourdfpy")
+    body, out = tmp_path / "cart.urdf", tmp_path / "mine.toml"
+    body.write_text(urdf(tags=sensor(first=0.0, last=2.0), drive=DRIVE))
+    assert run_cli("robot", "--from-urdf", body, "--out", out) == 0
+    assert load_robot(out).lidar.mount_yaw_rad == 1.0
+    assert "--mount 0.25 0.05 0" in out.read_text().partition("\n")[0]
+
+
+REFUSED = {
+    "nothing to do": ([], "give a robot to draw, or --from-nav2, --from-urdf or --from-bag"),
+    "both": (["jackal", "--from-nav2", "NAV2"], "--from-nav2 makes a robot, and 'jackal' is one to draw"),
+    "no TOML": (["--from-nav2", "NAV2", "--out", "mine.yaml"], "give a name that ends in .toml"),
+    "no picture": (["jackal", "--out", "jackal.toml"], "give a name that ends in .png, .svg, .pdf"),
+    "no such topic": (
+        ["--from-nav2", "NAV2", "--scan-topic", "rear"],
+        "--scan-topic /rear is the topic of a LiDAR in none of",
+    ),
+    "a link without a URDF": (["--from-nav2", "NAV2", "--lidar", "laser"], "give --from-urdf too"),
+    "no file": (["--from-nav2", "none.yaml"], "none.yaml does not exist; give Nav2's parameter file"),
+    "no robot": (["jackl"], "did you mean 'jackal'"),
+    "a bad setting": (["--from-nav2", "NAV2", "--set", "radius=1"], "did you mean 'radius_m'"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_refusal_is_one_line(
+    tmp_path: Path, nav2: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    arguments, message = REFUSED[name]
+    assert run_cli("robot", *(nav2 if word == "NAV2" else word for word in arguments)) == 2
+    error = capsys.readouterr().err
+    assert message in error
+    assert error.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["nav2.yaml"]
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_robot_is_drawn_and_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run_cli("robot", name) == 0
+    out = capsys.readouterr().out
+    assert out.endswith(f"{name}.png\n")
+    assert "narrowest gap, straight ahead" in out
+    assert len({tuple(pixel) for row in imread(tmp_path / f"{name}.png")[::10, ::10] for pixel in row}) > 5
+    assert run_cli("robot", name, "--out", tmp_path / "r.svg") == 0
+    assert "<svg" in (tmp_path / "r.svg").read_text()
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    speed=st.floats(0.1, 3.0),
+    acceleration=st.floats(0.2, 5.0),
+    lag=st.sampled_from([0.0, 0.05, 0.3, 1.0]),
+    latency=st.sampled_from([0.0, 0.2]),
+)
+def test_a_robot_stops_as_the_core_brakes(
+    speed: float, acceleration: float, lag: float, latency: float
+) -> None:
+    robot = RobotConfig(
+        max_speed_mps=speed,
+        max_acceleration_mps2=acceleration,
+        lag_s=lag,
+        latency_s=latency,
+    )
+    numbers = derived(robot)
+    braking = Braking(0.2, np.empty((0, 2)), (acceleration, 6.0, lag), 0.005)
+
+    def after(seconds: float) -> tuple[float, float]:
+        orders = np.array([(speed, 0.0, latency), (0.0, 0.0, seconds - latency)])
+        (x, _, _), (now_mps, _) = braking.roll((0.0, 0.0, 0.0), (speed, 0.0), orders[int(latency == 0.0) :])
+        return x, now_mps
+
+    assert after(numbers.stop_time_s + 30.0)[0] == pytest.approx(
+        numbers.stop_distance_m, abs=0.01 * speed + 0.02
+    )
+    assert after(numbers.stop_time_s + 0.02)[1] <= 0.011
+    if numbers.stop_time_s > latency + 0.1:
+        assert after(numbers.stop_time_s - 0.08)[1] > 0.009
