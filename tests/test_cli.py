@@ -34,6 +34,7 @@ from adrl.commands.list import ListOptions
 from adrl.commands.regret import RegretOptions
 from adrl.commands.report import ReportOptions
 from adrl.commands.reproduce import ReproduceOptions
+from adrl.commands.robot import RobotOptions
 from adrl.commands.run_options import parse_run
 from adrl.commands.train import COMMON as TRAIN_COMMON
 from adrl.comparison.config import CompareConfig
@@ -50,6 +51,7 @@ from adrl.worlds import ROBOTS, SCENARIOS
 from small_run import TRAIN, finished_run, run_cli
 
 OPTIONS: dict[str, Any] = {
+    "robot": RobotOptions,
     "train": RunConfig,
     "evaluate": EvaluateOptions,
     "collect": CollectOptions,
@@ -83,6 +85,7 @@ SUPPRESSED = {
     "export": {"policy"},
     "report": {"folder"},
     "calibrate": {"drives"},
+    "robot": {"robot"},
 }
 """Options that a command sets itself, or that are given without their name."""
 METRICS = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")

@@ -57,7 +57,7 @@ def test_parameters_and_settings_make_a_robot(
     assert (robot.name, robot.footprint_m, robot.min_speed_mps) == ("mine", CART.footprint_m, -0.2)
     text = out.read_text()
     assert f"max_speed_mps = 0.8  # {nav2}: controller_server.FollowPath.max_vel_x" in text
-    assert "obstacle_max_range, a hint: no source says it outright" in text
+    assert "obstacle_max_range, a hint\n" in text
     assert "num_beams = 180  # --set" in text
     assert "lag_s = 0.05  # the default: no source says it; adrl calibrate" in text
     command = f"adrl ros2 drive --robot {out} --odom-frame odom --map-frame map --base-frame base_footprint"

@@ -28,6 +28,8 @@ PAUSE_S = 1.0
 MOVED = (0.02, 0.02)
 """m/s, rad/s: a robot that was never faster was not driven."""
 DIGITS = 3
+ANGLE_DIGITS = 6
+"""Messages have angles in single precision."""
 
 
 def read_recorded_robot(path: Path, scan_topic: str | None = None, likely: Sequence[str] = ()) -> Reading:
@@ -136,7 +138,8 @@ def _lidar(reading: Reading, lidar: _Lidar, place: str) -> float:
     last = scan.angle_min_rad + scan.angle_increment_rad * (scan.ranges.size - 1)
     if scan.ranges.size == 0 or not math.isfinite(last):
         raise DatasetError(f"{place} has scans whose angles are no numbers; mend the LiDAR's driver")
-    middle = beams_of(reading, scan.ranges.size, scan.angle_min_rad, last, place)
+    ends = (round(angle, ANGLE_DIGITS) for angle in (scan.angle_min_rad, last))
+    middle = beams_of(reading, scan.ranges.size, *ends, place)
     if math.isfinite(scan.range_max_m) and scan.range_max_m > 0.0:
         reading.add("lidar.max_range_m", float(scan.range_max_m), f"{place}, range_max")
     period_s = float(np.median(lidar.periods_s))

@@ -9,7 +9,7 @@ from adrl.errors import ConfigError
 from adrl.types import RobotConfig
 from adrl.worlds.robots import robot_from_fields, robot_toml
 
-MEANING = {Standing.LIMIT: ", a limit", Standing.HINT: ", a hint: no source says it outright"}
+MEANING = {Standing.LIMIT: ", a limit", Standing.HINT: ", a hint"}
 ASSUMPTIONS = {
     "lag_s": "adrl calibrate fits it to a recorded drive",
     "latency_s": "adrl calibrate fits it to a recorded drive",
