@@ -124,7 +124,9 @@ def _with_topic(findings: list[Finding], topic: str | None, sources: list[Path])
         return findings
     topic = f"/{topic.strip('/')}"
     if topic not in [finding.value for finding in findings if finding.field == "scan_topic"]:
-        raise ConfigError(f"--scan-topic {topic} is the topic of a LiDAR in none of {', '.join(map(str, sources))}")
+        raise ConfigError(
+            f"--scan-topic {topic} is the topic of a LiDAR in none of {', '.join(map(str, sources))}"
+        )
     given = Finding(field="scan_topic", value=topic, place="--scan-topic", standing=Standing.GIVEN)
     return [given, *findings]
 

@@ -138,8 +138,8 @@ def _lidar(reading: Reading, lidar: _Lidar, place: str) -> float:
     last = scan.angle_min_rad + scan.angle_increment_rad * (scan.ranges.size - 1)
     if scan.ranges.size == 0 or not math.isfinite(last):
         raise DatasetError(f"{place} has scans whose angles are no numbers; mend the LiDAR's driver")
-    ends = (round(angle, ANGLE_DIGITS) for angle in (scan.angle_min_rad, last))
-    middle = beams_of(reading, scan.ranges.size, *ends, place)
+    first, last = round(scan.angle_min_rad, ANGLE_DIGITS), round(last, ANGLE_DIGITS)
+    middle = beams_of(reading, scan.ranges.size, first, last, place)
     if math.isfinite(scan.range_max_m) and scan.range_max_m > 0.0:
         reading.add("lidar.max_range_m", float(scan.range_max_m), f"{place}, range_max")
     period_s = float(np.median(lidar.periods_s))
