@@ -27,12 +27,22 @@ double approach(double value, double command, double response, double largest_ch
     return std::abs(command - next) < 1e-12 ? command : next;
 }
 
+// Share of the way to a command that a lag lets the base come in dt_s.
+double response_of(const DriveLimits &limits, double dt_s) {
+    return limits.lag_s > 0.0 ? -std::expm1(-dt_s / limits.lag_s) : 1.0;
+}
+
 } // namespace
 
 Twist advance_twist(const Twist &twist, const Twist &command, const DriveLimits &limits, double dt_s) {
-    const double response = limits.lag_s > 0.0 ? -std::expm1(-dt_s / limits.lag_s) : 1.0;
+    const double response = response_of(limits, dt_s);
     return {approach(twist.v, command.v, response, limits.max_acceleration * dt_s),
             approach(twist.w, command.w, response, limits.max_yaw_acceleration * dt_s)};
+}
+
+Twist lead_lag(const Twist &wanted, const Twist &twist, const DriveLimits &limits, double dt_s) {
+    const double response = response_of(limits, dt_s);
+    return {twist.v + (wanted.v - twist.v) / response, twist.w + (wanted.w - twist.w) / response};
 }
 
 } // namespace adrl

@@ -17,6 +17,9 @@ struct DriveLimits {
 // Exact arc: x' = x + v/w (sin(theta + w dt) - sin theta), y likewise with the cosine; a straight line as w -> 0.
 Pose integrate(const Pose &pose, const Twist &twist, double dt_s);
 
+// The inverse of advance_twist: the command after which the base executes `wanted` in dt_s, if it can accelerate so.
+Twist lead_lag(const Twist &wanted, const Twist &twist, const DriveLimits &limits, double dt_s);
+
 // A command brought inside the speed limits.
 Twist clip_command(const Twist &command, const DriveLimits &limits);
 

@@ -80,9 +80,11 @@ void BatchSim::plan(LocalControl &control, double *out) {
     const auto plan_one = [&](int i) {
         const Task &task = *tasks_[i];
         const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
-        const Twist command =
+        const Moment then = when_acted(i, limits);
+        const Twist wanted =
             control.in_world(i, *task.world, task.path, b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory], limits,
-                             load_pose(b_.pose + 3 * i), {b_.twist[2 * i], b_.twist[2 * i + 1]}, b_.time[i]);
+                             then.pose, then.twist, then.time_s);
+        const Twist command = clip_command(lead_lag(wanted, then.twist, limits, robot_.dt_s), robot_.limits);
         out[2 * i] = command.v;
         out[2 * i + 1] = command.w;
     };
@@ -92,6 +94,29 @@ void BatchSim::plan(LocalControl &control, double *out) {
             if (b_.active[i] && tasks_[i]) plan_one(i);
         }
     });
+}
+
+BatchSim::Moment BatchSim::when_acted(int i, const DriveLimits &limits) const {
+    const double *params = b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams;
+    const double *history = b_.memory + static_cast<std::ptrdiff_t>(i) * kMemory + 2;
+    Moment then{load_pose(b_.pose + 3 * i), {b_.twist[2 * i], b_.twist[2 * i + 1]}, b_.time[i]};
+    const Delay delay = delay_of(params[kLatency]);
+    for (int age = delay.whole; age >= 0; --age) {
+        const double span_s = age == delay.whole ? delay.rest_s : robot_.dt_s;
+        if (span_s <= 0.0) continue;
+        const Twist due{history[2 * age] * params[kSpeedGain], history[2 * age + 1] * params[kYawGain]};
+        const Twist next = advance_twist(then.twist, due, limits, span_s);
+        then.pose = integrate(then.pose, {0.5 * (then.twist.v + next.v), 0.5 * (then.twist.w + next.w)}, span_s);
+        then.twist = next;
+        then.time_s += span_s;
+    }
+    return then;
+}
+
+BatchSim::Delay BatchSim::delay_of(double latency_s) const {
+    const double periods = std::min(latency_s / robot_.dt_s, kHistory - 1.001);
+    const auto whole = static_cast<int>(periods);
+    return {whole, (periods - whole) * robot_.dt_s};
 }
 
 void BatchSim::reset_one(int i) {
@@ -125,10 +150,8 @@ void BatchSim::step_one(int i) {
 
     const DriveLimits limits = limits_of(robot_, params);
     // The base acts on a command `latency` old: the older one until the newer one is due, then that.
-    const double periods = std::min(params[kLatency] / robot_.dt_s, kHistory - 1.001);
-    const auto whole = static_cast<int>(periods);
-    const double older_s = (periods - whole) * robot_.dt_s;
-    const double spans[2] = {older_s, robot_.dt_s - older_s};
+    const Delay delay = delay_of(params[kLatency]);
+    const double spans[2] = {delay.rest_s, robot_.dt_s - delay.rest_s};
 
     Pose pose = load_pose(b_.pose + 3 * i);
     Pose odometry = load_pose(b_.odometry + 3 * i);
@@ -140,7 +163,7 @@ void BatchSim::step_one(int i) {
     bool collided = false;
     for (int part = 0; part < 2 && !collided; ++part) {
         if (spans[part] <= 0.0) continue;
-        const double *due = history + 2 * (whole + 1 - part);
+        const double *due = history + 2 * (delay.whole + 1 - part);
         const Twist wanted{due[0] * params[kSpeedGain], due[1] * params[kYawGain]};
         const Twist next = advance_twist(twist, wanted, limits, spans[part]);
         const Twist mean{0.5 * (twist.v + next.v), 0.5 * (twist.w + next.w)};

@@ -103,6 +103,20 @@ class BatchSim {
     void plan(LocalControl &control, double *out);
 
   private:
+    // How old a command is when the base acts on it: whole control periods and the rest.
+    struct Delay {
+        int whole;
+        double rest_s;
+    };
+    struct Moment {
+        Pose pose;
+        Twist twist;
+        double time_s;
+    };
+
+    Delay delay_of(double latency_s) const;
+    // When the base will act on a command that is given now, after those that are on their way.
+    Moment when_acted(int i, const DriveLimits &limits) const;
     void reset_one(int i);
     void step_one(int i);
     void follow_one(int i, Vec2 before);

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from adrl.types import Array, OccupancyGrid, RobotConfig, Task, World
 from core.arenas import box, mirrored, moved, moved_pose, worlds
-from core.fleet import EMPTY, Fleet, a_task
+from core.fleet import EMPTY, PARAMS, Fleet, a_task
 from core.routes import LIDAR, ROBOTS, a_fleet, drive, routes
 from core.twins import Pose
 
@@ -36,7 +36,7 @@ ALL_ROBOTS = ROBOTS | {"very sluggish": VERY_SLUGGISH}
 def test_commands_lie_within_the_limits_and_the_window(
     world: World, name: str, twist: Pose, goal: tuple[float, float], weaker: float
 ):
-    """The window is what the base of this very row can reach within one period."""
+    """The window is what the base of this very row can reach in one period; a command makes up for its lag."""
     robot = ALL_ROBOTS[name]
     power = np.array([robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2]) * weaker
     fleet = a_fleet(
@@ -49,7 +49,8 @@ def test_commands_lie_within_the_limits_and_the_window(
     command = fleet.plan()[0]
     assert np.all(command >= least - 1e-6)
     assert np.all(command <= most + 1e-6)
-    assert np.all(np.abs(command - now) <= power * robot.control_period_s + 1e-6)
+    response = -math.expm1(-robot.control_period_s / fleet.b["params"][0, PARAMS.index("lag_s")])
+    assert np.all(response * np.abs(command - now) <= power * robot.control_period_s + 1e-6)
 
 
 @given(st.floats(-2.0, 2.0), st.floats(-4.0, 4.0))
@@ -68,6 +69,36 @@ def test_in_the_open_a_robot_drives_straight_at_full_speed():
         fleet.step(fleet.plan())
     assert_allclose(fleet.b["twist"][0], [0.6, 0.0], atol=1e-6)
     assert_allclose(fleet.b["pose"][0, 1:], 0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("lag_s", [0.0, 0.05, 0.1, 0.5])
+def test_a_lag_costs_no_acceleration(lag_s: float):
+    """The command is so far ahead that the base does what is wanted of it, until its greatest speed cuts that off."""
+    fleet = a_fleet([a_task(EMPTY)], ROBOTS["diffbot"], lag_s=lag_s, acceleration=0.5).reset()
+    share = -math.expm1(-0.1 / lag_s) if lag_s > 0.0 else 1.0
+    speed = 0.0
+    for _ in range(20):
+        fleet.step(fleet.plan())
+        speed += min(0.05, share * (0.6 - speed))
+        assert_allclose(fleet.b["twist"][0], [speed, 0.0], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["diffbot", "rectangle both ways", "sluggish"])
+@pytest.mark.parametrize("periods", [1, 3, 6])
+def test_what_is_planned_is_for_the_moment_when_the_base_acts_on_it(name: str, periods: int):
+    """Of a base with latency it is what the same base without any would be told there and then."""
+    robot = ROBOTS[name]
+    rng = np.random.default_rng(0)
+    fleet = a_fleet(routes(robot, 4, seed=2), robot, latency_s=periods * robot.control_period_s).reset()
+    for _ in range(12):
+        fleet.step(fleet.plan())
+    planned, along = fleet.plan(), fleet.b["memory"][:, 0].copy()
+    for _ in range(periods):
+        fleet.step(rng.uniform(-1.0, 1.0, (4, 2)))  # too late to matter
+    assert not fleet.b["collided"].any()
+    fleet.b["params"][:, PARAMS.index("latency_s")] = 0.0
+    fleet.b["memory"][:, 0] = along
+    assert_allclose(fleet.plan(), planned, atol=1e-9)
 
 
 @pytest.mark.parametrize("by", [(1.0, -2.0, 0.7), (-0.3, 0.4, 3.0)])

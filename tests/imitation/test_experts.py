@@ -72,7 +72,7 @@ def test_perfect_is_the_planner() -> None:
     env.reset(seed=3)
     for t in range(100):
         action = env.expert_actions()
-        assert recorded.action.reshape(16, 100, 2)[:, t].tobytes() == action.tobytes()
+        assert recorded.expert_action.reshape(16, 100, 2)[:, t].tobytes() == action.tobytes()
         env.advance(action)
 
 
