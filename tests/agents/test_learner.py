@@ -9,6 +9,7 @@ from numpy.testing import assert_array_equal
 
 import resume_run
 from adrl.agents.backend import jax
+from adrl.agents.config import Guide
 from adrl.agents.learner import Learner
 from adrl.agents.methods import method_config
 from adrl.agents.networks import critic_sizes
@@ -69,6 +70,29 @@ def test_pretraining_needs_no_online_data_and_clones_the_expert():
     observation = resume_run.demonstrations().observation
     actions = learner.policy(POLICY, averaged=False).act(observation)
     np.testing.assert_allclose(actions, 0.5, atol=0.1)  # what Walk's expert does everywhere
+
+
+@pytest.mark.parametrize("guide", ["proposal", "jump-start"])
+def test_a_guide_is_the_clone_that_pretraining_leaves_and_stays_so(guide: Guide):
+    released = replace(CONFIG.schedule, lambda_max=0.0)
+    learner = make(pretrain_updates=600, critic_warmup_updates=0, guide=guide, schedule=released)
+    fill(learner, 40, 0)
+    while learner.pretraining:
+        learner.update()
+    observation = resume_run.demonstrations().observation
+    clone = learner.policy(POLICY).act(observation)
+    acting = learner.acting(POLICY)
+    for _ in range(5):
+        acting = learner.acting(POLICY)
+        assert acting.guide is not None
+        assert_array_equal(acting.guide.act(observation), clone)
+        learner.update()
+    assert np.abs(learner.policy(POLICY).act(observation) - clone).max() > 1e-4
+    if guide == "proposal":
+        assert acting.choose is not None
+        actor = acting.actor.act(observation)
+        chosen = acting.choose(observation, actor, clone)
+        assert ((chosen == actor) | (chosen == clone)).all()
 
 
 def test_expert_rows_follow_alpha_of_the_maturity():

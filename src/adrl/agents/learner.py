@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.agents import networks, td3
+from adrl.agents import td3
+from adrl.agents.actor_policy import policy_of, vector_of
 from adrl.agents.backend import jax, jnp
 from adrl.agents.config import TrainConfig
-from adrl.agents.exploration import Acting
+from adrl.agents.exploration import Acting, Choice
 from adrl.agents.losses import Batch, ExpertBatch, Weights
 from adrl.agents.replay import Demonstrations, Replay
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
@@ -82,7 +83,7 @@ class Learner:
         self.state = td3.init_state(rng, self._shape)
         self._started = start is not None
         if start is not None:
-            self.state = td3.with_actor(self.state, _actor_vector(start, self._shape.actor))
+            self.state = td3.with_actor(self.state, vector_of(start, self._shape.actor))
         self._actor = jnp.array(self.state.actor, copy=True)
         if proposes or config.guide == "jump-start":
             self._keep_guide()
@@ -229,26 +230,26 @@ class Learner:
 
     def policy(self, config: PolicyConfig, *, averaged: bool = True) -> MlpPolicy:
         """The averaged actor, or today's, in numpy with its own memory. Waits for the running updates."""
-        return self._policy_of(self.state.average_actor if averaged else self._actor, config)
-
-    def _policy_of(self, vector: jax.Array, config: PolicyConfig) -> MlpPolicy:
-        *hidden, (weight, bias) = networks.unflatten(np.array(vector), self._shape.actor)
-        return MlpPolicy([*hidden, (weight.T, bias)], replace(config, maturity=self.maturity))
+        vector = self.state.average_actor if averaged else self._actor
+        return policy_of(vector, self._shape.actor, replace(config, maturity=self.maturity))
 
     def acting(self, config: PolicyConfig) -> Acting:
         """What drives while the next updates run. Waits for the running ones."""
-        actor, guide = self.policy(config, averaged=False), self.state.guide
-        if guide is None:
+        actor = self.policy(config, averaged=False)
+        if self.state.guide is None:
             return Acting(actor)
-        if not self._shape.guide_proposes:
-            return Acting(actor, self._policy_of(guide, config))
+        guide = policy_of(self.state.guide, self._shape.actor, config)
+        return Acting(actor, guide, self._choice() if self._shape.guide_proposes else None)
+
+    def _choice(self) -> Choice:
+        """Between two actions, by the target critics as they are now."""
         critics = jnp.array(self.state.target_critics, copy=True)
 
         def choose(observation: F32, first: F32, second: F32) -> F32:
             rows = (jnp.array(array, copy=True) for array in (observation, first, second))
             return np.array(self._better_action(critics, *rows))
 
-        return Acting(actor, self._policy_of(guide, config), choose)
+        return choose
 
     def row(self) -> dict[str, float | int | None]:
         """The learner's part of a metrics row."""
@@ -325,14 +326,3 @@ class Learner:
         if not (self.clones_only or (self.clones and self._config.schedule.lambda_max > 0.0)):
             return None
         return self.replay.sample_labels(self._rng, (count, self._config.td3.bc_batch_size))
-
-
-def _actor_vector(policy: MlpPolicy, sizes: networks.Sizes) -> F32:
-    """(P,) the policy's parameters as networks.unflatten reads them. Raises ConfigError for other sizes."""
-    if policy.config.sizes != sizes:
-        raise ConfigError(
-            f"the policy to start from has layers of {policy.config.sizes} units, the run {sizes}; "
-            "give the same encoder and td3.widths"
-        )
-    *hidden, (weight, bias) = policy.layers
-    return np.concatenate([part.ravel() for pair in [*hidden, (weight.T, bias)] for part in pair])
