@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from adrl.deploy import Navigator, Odometry, Pose
 from adrl.deploy.driver import Driver
+from adrl.deploy.guidance import OwnMapGuide
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
 from adrl.geometry import compose
@@ -51,9 +52,9 @@ def drive() -> list[Moment]:
 
 
 def seen(driver: Driver) -> Replanner:
-    replanner = driver.navigator._replanner
-    assert replanner is not None
-    return replanner
+    guide = driver.navigator.guide
+    assert isinstance(guide, OwnMapGuide)
+    return guide.replanner
 
 
 def followed(

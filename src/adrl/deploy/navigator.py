@@ -14,9 +14,17 @@ import os
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from adrl.deploy.another_robot import other_robot
+from adrl.deploy.guidance import (
+    ONE,
+    Guide,
+    KnownMapGuide,
+    OwnMapGuide,
+    View,
+    check_guidance,
+    drivable_m,
+)
 from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Command, Odometry, Pose, Reason, Scan, Status, Twist
 from adrl.deploy.policies import ResolvedPolicy, act, begin, find_policy
@@ -26,25 +34,17 @@ from adrl.deploy.supervisor import CAUTIONS, DEFAULT, Supervisor, SupervisorConf
 from adrl.errors import ConfigError, PlanningError
 from adrl.observation import Encoder, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.observation.motion import ScanHistory
-from adrl.planning.path_guide import MapGuide
 from adrl.planning.replanner import Replanner
 from adrl.types import Array, Policy, RobotConfig, World
 
 GOAL_TOLERANCE_M = 0.3
 """Distance to the goal at which it is reached, as in training."""
-RELOCALISED_M = 0.5
-"""A pose on the map that jumps by so much more than the robot can drive is a new start for the path."""
-OFF_RAD = 0.1
-"""A path on the map ends near enough to a goal that has moved by less, seen from the robot: noise of localisation."""
 USUAL = CAUTIONS | {"limited"}
 """What a base does with a command in training, too: there a policy is told what it asked for."""
 NEW_FRAME = frozenset[Reason](("odometry_jumped", "clock_jumped"))
 """After these, what was known of places and times is so no more."""
 STILL_SEEING = frozenset[Reason](("odometry_frozen", "not_localised"))
 """Held by these, what the LiDAR shows is still where odometry says."""
-F32 = NDArray[np.float32]
-ONE = np.array([0])
-"""The only robot, where kernels take many."""
 
 
 class Navigator:
@@ -84,7 +84,7 @@ class Navigator:
         """What is other on this robot than on the one that the policy was trained for, in words; None for nothing."""
         self._as_trained = found.taken_as(self.robot)
         self.guidance = found.require_guidance(guidance)
-        _check_guidance(self.guidance, world)
+        check_guidance(self.guidance, world)
         self.goal_tolerance_m = goal_tolerance_m
         self.supervisor = (
             None
@@ -104,14 +104,12 @@ class Navigator:
         )
         steps = found.encoder.history_steps
         self._history = ScanHistory(1, self.robot.lidar.num_beams, steps) if steps > 0 else None
-        self._map = MapGuide(world, self.robot) if world is not None else None
-        self._replanner: Replanner | None = None
-        if self.guidance == "replan":
-            self._replanner = Replanner(1, self._as_trained, found.replanner, maturity=found.maturity)
-        self._path: Array | None = None
-        self._under_way = False
-        """A step has been driven since the robot last stood still without a goal."""
-        self._new_goal = False
+        self.guide = Guide()
+        """Where to head for."""
+        if world is not None:
+            self.guide = KnownMapGuide(world, self.robot, goal_tolerance_m)
+        elif self.guidance == "replan":
+            self.guide = OwnMapGuide(Replanner(1, self._as_trained, found.replanner, maturity=found.maturity))
         self._begun = False
         """The policy has been told of the episode that drives to the goal."""
         self._interrupted = True
@@ -132,20 +130,15 @@ class Navigator:
         """
         if not np.isfinite(goal).all():
             raise ConfigError(f"goal {goal} is not finite; give metres")
-        if path is not None and self._map is None:
-            raise ConfigError(f"guidance {self.guidance} follows no path; leave it out, or give guidance map")
-        before, self.goal = self.goal, (float(goal[0]), float(goal[1]))
-        if (
-            before is not None
-            and path is None
-            and self._path is None
-            and math.dist(before, self.goal) < WAY_M
-        ):
+        before, place = self.goal, (float(goal[0]), float(goal[1]))
+        own_path = path is None and not self.guide.follows_given_path
+        if before is not None and own_path and math.dist(before, place) < WAY_M:
+            self.goal = place
             return  # the same, better known: as one that follows a person, or is given again and again
+        self.guide.set_goal(path)
+        self.goal = place
         if self._recovery is not None:
             self._recovery.forget()
-        self._path = path
-        self._new_goal = True
 
     def move_goal(self, goal: tuple[float, float]) -> None:
         """The goal is the same, and its place better known, as localisation tells. What was seen, the route and the
@@ -156,7 +149,8 @@ class Navigator:
     def cancel(self) -> None:
         """Stop at the next step, and wait for a goal."""
         self.goal = None
-        self._under_way = self._begun = False
+        self._begun = False
+        self.guide.wait()
 
     def step(
         self,
@@ -177,7 +171,7 @@ class Navigator:
         if map_pose is not None and not np.isfinite(map_pose).all():
             faults = (*faults, "not_localised")
         if faults or self.goal is None:
-            self._map_while_held(faults)
+            self._look_while_held(faults, now_s)
             return self._stand("idle" if self.goal is None else "stopped", now_s, faults, has_base=has_base)
         if self.supervisor is not None:
             scan, odometry = self.supervisor.newest()
@@ -185,7 +179,7 @@ class Navigator:
             scan = scan and self._read(scan)
         assert scan is not None
         assert odometry is not None
-        place = odometry.pose if map_pose is None or self._map is None else map_pose
+        place = odometry.pose if map_pose is None or self.guidance != "map" else map_pose
         if self._arrived(place, self.goal, now_s):
             self.cancel()
             return self._stand("reached", now_s)
@@ -204,14 +198,13 @@ class Navigator:
         self, scan: Scan, odometry: Odometry, place: Pose, goal: tuple[float, float], now_s: float
     ) -> Command:
         """One step of NavSim: guidance, encoder, policy; then the supervisor. Raises PlanningError."""
-        ranges, reckoned = self._adapter(scan)[None], np.array([odometry.pose])
-        waypoint, distance_m = self._guide(ranges, reckoned, place, goal, now_s)
-        self._under_way, self._new_goal = True, False
-        self._remember(ranges, reckoned)
-        towards = in_robot_frame(np.array([place]), np.array([waypoint]))
-        goals = towards if self._replanner is None else self._replanner.as_goals(towards)
-        measured = np.array([odometry.twist])
-        seen = self._encoder.encode(ranges, goals, measured, self._action, self._history)
+        view = self._view(scan, odometry, place, now_s)
+        heading = self.guide.head_for(view, goal)
+        self.goal = heading.goal
+        self._remember(view)
+        towards = in_robot_frame(np.array([place]), np.array([heading.waypoint]))
+        shown, measured = self.guide.as_shown(towards), np.array([odometry.twist])
+        seen = self._encoder.encode(view.ranges, shown, measured, self._action, self._history)
         if not self._begun:
             begin(self.policy, ONE)
         self._begun = True
@@ -226,10 +219,27 @@ class Navigator:
             twist=twist,
             status="driving",
             reasons=reasons,
-            waypoint=waypoint,
-            plan=self._plan(place, waypoint, goal, distance_m),
-            distance_m=distance_m,
+            waypoint=heading.waypoint,
+            plan=heading.plan,
+            distance_m=heading.distance_m,
         )
+
+    def _view(self, scan: Scan, odometry: Odometry, place: Pose, now_s: float) -> View:
+        return View(
+            ranges=self._adapter(scan)[None],
+            reckoned=np.array([odometry.pose]),
+            place=place,
+            now_s=now_s,
+        )
+
+    def _look_while_held(self, faults: tuple[Reason, ...], now_s: float) -> None:
+        if self.supervisor is None or self.goal is None:
+            return
+        if "odometry_jumped" in faults:
+            self.guide.forget()
+        elif STILL_SEEING.issuperset(faults):
+            scan, odometry = self.supervisor.newest()
+            self.guide.look(self._view(scan, odometry, odometry.pose, now_s), self.goal)
 
     def _watch(self, scan: Scan | None, odometry: Odometry | None, now_s: float) -> tuple[Reason, ...]:
         if self.supervisor is not None:
@@ -282,94 +292,18 @@ class Navigator:
         before = here
         if self._last is not None and not self._interrupted:
             last = np.array(self._last[0][:2])
-            before = last if math.dist(last, here) <= self._drivable_m(self._last[1], now_s) else here
+            before = last if math.dist(last, here) <= drivable_m(self.robot, self._last[1], now_s) else here
         way = here - before
         share = np.clip((there - before) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
         return float(np.hypot(*(before + share * way - there))) < self.goal_tolerance_m
 
-    def _drivable_m(self, since_s: float, now_s: float) -> float:
-        """More than the robot can have driven since then: it may be faster than it is told to be."""
-        return 2.0 * self.robot.max_speed_mps * max(now_s - since_s, self.robot.control_period_s)
-
-    def _guide(
-        self, ranges: F32, reckoned: Array, place: Pose, goal: tuple[float, float], now_s: float
-    ) -> tuple[tuple[float, float], float]:
-        """The waypoint, and the metres to the goal. Raises PlanningError where a map shows no way."""
-        if self._map is not None:
-            self._route(self._map, place, goal, now_s)
-            return self._map.waypoint(place)
-        waypoint = (
-            goal if self._replanner is None else self._map_and_head(self._replanner, ranges, reckoned, goal)
-        )
-        return waypoint, math.dist(goal, place[:2])
-
-    def _map_and_head(
-        self, replanner: Replanner, ranges: F32, reckoned: Array, goal: tuple[float, float]
-    ) -> tuple[float, float]:
-        """Enter the scan into the robot's own map; the waypoint that it heads for by it."""
-        targets = np.array([goal])
-        if not self._new_goal:
-            replanner.move_goals(ONE, targets)
-        elif self._under_way:
-            replanner.retarget(ONE, targets)
-        else:
-            replanner.reset(ONE, targets, reckoned)
-        self._under_way, self._new_goal = True, False
-        x, y = replanner.update(ranges, reckoned)[0]
-        return float(x), float(y)
-
-    def _map_while_held(self, faults: tuple[Reason, ...]) -> None:
-        """A robot that stands on its way is not blind."""
-        if self._replanner is None or self.supervisor is None or self.goal is None:
-            return
-        if "odometry_jumped" in faults:  # the map was of another frame
-            self._under_way, self._new_goal = False, True
-        elif STILL_SEEING.issuperset(faults):
-            scan, odometry = self.supervisor.newest()
-            self._map_and_head(
-                self._replanner, self._adapter(scan)[None], np.array([odometry.pose]), self.goal
-            )
-
-    def _route(self, guide: MapGuide, place: Pose, goal: tuple[float, float], now_s: float) -> None:
-        """Have a path to the goal. Raises PlanningError."""
-        if self._new_goal and self._path is not None:
-            guide.follow(self._path)
-            return
-        if self._new_goal or self._relocalised(place, now_s):
-            guide.set_goal(place, goal)
-            return
-        end = tuple(guide.path[-1].tolist())
-        off_m, noise_m = math.dist(end, goal), OFF_RAD * math.dist(goal, place[:2])
-        if self._path is not None or off_m < max(0.5 * self.goal_tolerance_m, noise_m):
-            return
-        try:
-            guide.set_goal(place, goal)
-        except PlanningError:
-            if off_m > RELOCALISED_M + 2.0 * noise_m:
-                raise
-            self.goal = end  # noise has moved it into a wall
-
-    def _relocalised(self, place: Pose, now_s: float) -> bool:
-        """Whether localisation has found the robot elsewhere than it can have driven to."""
-        if self._last is None:
-            return False
-        before, at_s = self._last
-        return math.dist(before[:2], place[:2]) > self._drivable_m(at_s, now_s) + RELOCALISED_M
-
-    def _remember(self, ranges: F32, reckoned: Array) -> None:
+    def _remember(self, view: View) -> None:
         if self._history is None:
             return
         if self._interrupted:
-            self._history.begin(ONE, ranges, reckoned)
+            self._history.begin(ONE, view.ranges, view.reckoned)
         else:
-            self._history.add(ranges, reckoned)
-
-    def _plan(
-        self, place: Pose, waypoint: tuple[float, float], goal: tuple[float, float], left_m: float
-    ) -> Array:
-        if self._map is not None:
-            return np.concatenate([[place[:2]], self._map.remaining(left_m)])
-        return np.array([place[:2], waypoint] if waypoint == goal else [place[:2], waypoint, goal])
+            self._history.add(view.ranges, view.reckoned)
 
 
 def _robot(policy: ResolvedPolicy, robot: RobotConfig | None) -> RobotConfig:
@@ -381,10 +315,3 @@ def _robot(policy: ResolvedPolicy, robot: RobotConfig | None) -> RobotConfig:
     if robot is None and policy.robot is None:
         raise ConfigError(f"policy {policy.name} does not say which robot it drives; give robot")
     return policy.driven(robot)
-
-
-def _check_guidance(guidance: str, world: World | None) -> None:
-    if guidance == "map" and world is None:
-        raise ConfigError("guidance map needs a map; give world, or guidance goal or replan")
-    if guidance != "map" and world is not None:
-        raise ConfigError(f"guidance {guidance} uses no map; leave out world, or give guidance map")
