@@ -302,7 +302,7 @@ class Dwa final : public LocalController {
             measure(now, k * sample_s);
             score_sample(arcs_, margin, static_cast<float>(k * sample_s), gx, gy);
         }
-        return best_arc(arcs_, samples, config, gx, gy);
+        return lead_lag(best_arc(arcs_, samples, config, gx, gy), now.twist, now.limits, now.dt_s);
     }
 
   private:

@@ -81,10 +81,9 @@ void BatchSim::plan(LocalControl &control, double *out) {
         const Task &task = *tasks_[i];
         const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
         const Moment then = when_acted(i, limits);
-        const Twist wanted =
+        const Twist command =
             control.in_world(i, *task.world, task.path, b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory], limits,
                              then.pose, then.twist, then.time_s);
-        const Twist command = clip_command(lead_lag(wanted, then.twist, limits, robot_.dt_s), robot_.limits);
         out[2 * i] = command.v;
         out[2 * i + 1] = command.w;
     };
