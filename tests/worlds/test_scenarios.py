@@ -110,6 +110,7 @@ def test_splits_and_indices_are_all_different(scenario: Scenario) -> None:
     [
         ("clutter", 5.43921),
         ("complex", 22.379520),
+        ("hall", 20.089577),
         ("dynamic", 20.702983),
         ("rooms", 19.569742),
         ("cellular", 10.143188),
@@ -144,9 +145,26 @@ def test_complex_is_dense_long_and_open_everywhere(robot: RobotConfig) -> None:
 
 
 @EVERY_ROBOT
-def test_complex_leaves_every_robot_room_between_obstacles(robot: RobotConfig) -> None:
+def test_hall_is_driven_along_and_open_everywhere(robot: RobotConfig) -> None:
+    tasks = task_set(SCENARIOS["hall"], robot, "train", 20)
+    for task in tasks:
+        assert task.world.bounds == (0.0, 0.0, 24.0, 7.0)
+        assert 19.0 <= task.shortest_m <= 24.0
+        assert abs(task.goal[0] - task.start[0]) >= 15.0, "from one end towards the other"
+        regions = task_space(free_space(planning_grid(task.world, clearance_limit_m(robot)), robot)).regions
+        cells = np.bincount(regions[regions > 0])
+        assert cells.max() >= 0.99 * cells.sum()
+    detours = [task.shortest_m / math.dist(task.start[:2], task.goal) for task in tasks]
+    assert np.mean(detours) < 1.06, "few dead ends: ways are all but straight"
+    assert np.mean([len(task.world.polygons) for task in tasks]) >= 25
+    assert np.mean([len(task.world.circles) for task in tasks]) >= 2
+
+
+@EVERY_ROBOT
+@pytest.mark.parametrize("name", ["complex", "hall"])
+def test_every_robot_has_room_between_obstacles(name: str, robot: RobotConfig) -> None:
     least = max(0.7, 2.0 * robot.circumscribed_radius_m + 0.2)
-    for task in task_set(SCENARIOS["complex"], robot, "train", 4):
+    for task in task_set(SCENARIOS[name], robot, "train", 4):
         circles = task.world.circles
         for i, (x, y, radius) in enumerate(circles):
             others = dataclasses.replace(task.world, circles=np.delete(circles, i, axis=0))

@@ -13,6 +13,7 @@ from adrl.worlds.cellular import Cellular
 from adrl.worlds.clutter import Clutter
 from adrl.worlds.complex import Complex
 from adrl.worlds.dynamic import Dynamic
+from adrl.worlds.hall import Hall
 from adrl.worlds.map_scenario import MapScenario
 from adrl.worlds.robots import ROBOTS, load_robot, robot_from_fields
 from adrl.worlds.rooms import Rooms
@@ -24,6 +25,7 @@ from adrl.worlds.tasks import single_task, task_set
 SCENARIOS: dict[str, Scenario] = {
     "clutter": Clutter(),
     "complex": Complex(),
+    "hall": Hall(),
     "dynamic": Dynamic(),
     "rooms": Rooms(),
     "cellular": Cellular(),

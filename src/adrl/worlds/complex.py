@@ -11,8 +11,7 @@ import numpy as np
 
 from adrl.planning.grid import FreeSpace
 from adrl.types import RobotConfig, Task, World
-from adrl.worlds.layout import Item, Layout, box_item, circle_item, gap_range, walled_world
-from adrl.worlds.shapes import box, cover, place
+from adrl.worlds.layout import THIN_M, Item, Layout, box_item, circle_item, gap_range, trap_item, walled_world
 from adrl.worlds.tasks import draw_in_new_world
 
 PARTITION_THICKNESS_M = 0.15
@@ -90,20 +89,12 @@ def _draw_partition(
 
 
 def _draw_trap(rng: np.random.Generator) -> Item:
-    """Three thin boxes around a pocket, open towards a random side."""
-    depth, width, yaw = rng.uniform(0.8, 1.4), rng.uniform(1.0, 1.8), rng.uniform(-math.pi, math.pi)
-    thick = 0.12
-    parts = (
-        box(0.0, 0.5 * width, depth, thick),
-        box(0.0, -0.5 * width, depth, thick),
-        box(-0.5 * depth, 0.0, thick, width + thick),
-    )
-    discs = cover(0.0, 0.0, depth + thick, width + thick, yaw)
-    return Item(discs, tuple(place(part, 0.0, 0.0, yaw) for part in parts))
+    """Open towards a random side."""
+    return trap_item(rng.uniform(0.8, 1.4), rng.uniform(1.0, 1.8), rng.uniform(-math.pi, math.pi))
 
 
 def _draw_wall(rng: np.random.Generator) -> Item:
-    return box_item(0.0, 0.0, rng.uniform(1.2, 2.6), 0.12, rng.uniform(-math.pi, math.pi))
+    return box_item(0.0, 0.0, rng.uniform(1.2, 2.6), THIN_M, rng.uniform(-math.pi, math.pi))
 
 
 def _draw_box(rng: np.random.Generator) -> Item:

@@ -7,9 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.types import Array, RobotConfig, World
-from adrl.worlds.shapes import box, cover, enclosure
+from adrl.worlds.shapes import box, cover, enclosure, place
 
 Bounds = tuple[float, float, float, float]
+THIN_M = 0.12
+"""Thickness of free-standing walls and of the sides of traps."""
 
 
 def gap_range(gap_m: tuple[float, float], robot: RobotConfig) -> tuple[float, float]:
@@ -48,6 +50,17 @@ def circle_item(radius_m: float) -> Item:
     """A disc about (0, 0)."""
     circle = np.array([(0.0, 0.0, radius_m)])
     return Item(circle, circles=circle)
+
+
+def trap_item(depth_m: float, width_m: float, yaw_rad: float) -> Item:
+    """A U-trap about (0, 0): three thin boxes around a pocket that opens towards yaw and that nothing is put into."""
+    parts = (
+        box(0.0, 0.5 * width_m, depth_m, THIN_M),
+        box(0.0, -0.5 * width_m, depth_m, THIN_M),
+        box(-0.5 * depth_m, 0.0, THIN_M, width_m + THIN_M),
+    )
+    discs = cover(0.0, 0.0, depth_m + THIN_M, width_m + THIN_M, yaw_rad)
+    return Item(discs, tuple(place(part, 0.0, 0.0, yaw_rad) for part in parts))
 
 
 class Layout:
