@@ -83,6 +83,7 @@ class TestConfig:
             ({"seeds": 0}, ConfigError),
             ({"episodes": 0}, ConfigError),
             ({"workers": -1}, ConfigError),
+            ({"env": "gazebo", "methods": "td3,sb3-sac"}, ConfigError),
         ],
     )
     def test_bad_options_are_refused(self, options: dict[str, Any], error: type[AdrlError]) -> None:
@@ -281,6 +282,24 @@ def test_a_failed_job_is_named_and_the_others_go_on(
     assert results["missing"] == ["adrl-s0"]
     assert "adrl-s0" in (out / "table.md").read_text()
     assert not (out / "cache").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+@pytest.mark.gazebo
+def test_trainings_in_gazebo_are_compared(tmp_path: Path) -> None:
+    """They keep no state: one without a result is begun anew, and what has ended is not run again."""
+    out = tmp_path / "out"
+    options = ("--env", "gazebo", "--methods", "td3", "--seeds", 1, *SIZES, "--num-envs", 4, "--out", out)
+    assert run_cli("compare", *options, "--workers", 1) == 0
+    about = json.loads((out / "td3-s0" / "config.json").read_text())
+    assert about["environment"]["simulator"] == "gazebo"
+    finished = contents(out / "td3-s0")
+    assert run_cli("compare", *options, "--workers", 1) == 0
+    assert contents(out / "td3-s0") == finished
+    shutil.rmtree(out / "td3-s0")
+    assert run_cli("compare", *options, "--workers", 1) == 0
+    assert json.loads((out / "td3-s0" / "summary.json").read_text())["method"] == "td3"
 
 
 class TestPoliciesOfOnesOwn:

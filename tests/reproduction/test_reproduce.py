@@ -14,12 +14,13 @@ from adrl.agents.config import Td3Config, TrainConfig
 from adrl.baselines.tuned import TUNED
 from adrl.commands import reproduce as commands
 from adrl.comparison.config import CompareConfig
-from adrl.errors import ConfigError
+from adrl.errors import ConfigError, UnknownName
 from adrl.reproduction import calls
 from adrl.reproduction import results as kept
 from adrl.reproduction.calls import Call
+from adrl.reproduction.experiments import GAZEBO_METHODS, chosen, preset
 from adrl.reproduction.reported import METHODS
-from adrl.reproduction.reproduce import preset, reproduce
+from adrl.reproduction.reproduce import reproduce
 from adrl.reproduction.tables import write_report
 from small_run import contents, run_cli
 
@@ -52,17 +53,47 @@ def tiny(scenario: str, methods: str) -> CompareConfig:
 @pytest.mark.parametrize(("name", "seeds"), [("quick", 2), ("full", 10)])
 def test_presets_have_the_papers_methods_and_equal_budgets(name: str, seeds: int) -> None:
     configs = preset(name)
-    assert list(configs) == ["clutter", "complex"]
-    for scenario, config in configs.items():
-        assert config.load().name == scenario
+    assert list(configs) == ["clutter", "hall", "complex", "complex-jackal", "gazebo"]
+    in_gazebo = configs.pop("gazebo")
+    assert (in_gazebo.env, in_gazebo.load().name) == ("gazebo", "hall")
+    assert in_gazebo.method_names == tuple(GAZEBO_METHODS.split(","))
+    assert in_gazebo.seeds == min(seeds, 5)
+    for place, config in configs.items():
+        assert config.load().name == place.partition("-")[0]
         assert config.method_names == METHODS
-        assert config.seeds == seeds
-        assert config.guidance_names == ("goal", "replan"), "each method without and with the replanner"
-        assert config.guidance == "goal", "the replanner is off in training"
-    (steps,) = {config.learner.steps for config in configs.values()}
-    assert steps is not None
-    rollout = configs["clutter"].num_envs * TUNED["PPO"].get("n_steps", 32)
-    assert steps % rollout == 0, "PPO ends where the others do"
+        assert (config.seeds, config.env) == (seeds, "native")
+        fast = place == "complex-jackal"
+        assert config.robot == ("jackal" if fast else "diffbot")
+        assert config.guidance == ("map" if fast else "goal"), "the replanner is off in training"
+        assert config.guidance_names == (config.guidance, "replan"), "each method without it and with it"
+        steps = config.learner.steps
+        assert steps is not None
+        rollout = config.num_envs * TUNED["PPO"].get("n_steps", 32)
+        assert steps % rollout == 0, "PPO ends where the others do"
+
+
+def test_a_place_without_its_simulator_is_left_out_or_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("ADRL_GAZEBO", str(tmp_path))
+    every = preset("quick")
+    assert list(chosen("", every)) == ["clutter", "hall", "complex", "complex-jackal"]
+    assert list(chosen("complex, hall,complex", every)) == ["complex", "hall"]
+    with pytest.raises(ConfigError, match="scripts/gazebo-chroot"):
+        chosen("hall,gazebo", every)
+    with pytest.raises(UnknownName, match="did you mean 'hall'"):
+        chosen("hal", every)
+
+
+def test_the_places_that_are_not_run_are_missing_in_the_results(tmp_path: Path) -> None:
+    """A part of them is a part of the whole: a later call for another part keeps it."""
+    comparisons = preset("quick")
+    results = tmp_path / "results"
+    reproduce(comparisons, tmp_path / "out", results, name="quick", only=())
+    about = kept.read_about(results)
+    assert list(about["scenarios"]) == list(comparisons)
+    assert about["scenarios"]["gazebo"]["env"] == "gazebo"
+    assert about["scenarios"]["complex-jackal"]["scenario"] == "complex"
 
 
 def test_one_preset_is_asked_for(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 import json
 import math
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ from adrl.reproduction.numbers import (
     times_to,
 )
 from adrl.reproduction.pairs import criteria, difference, paired_rows
-from adrl.reproduction.reported import ABLATIONS, LABELS, METHODS, RIVALS, TABLE_I
+from adrl.reproduction.reported import ABLATIONS, CLASSICAL, LABELS, METHODS, RIVALS, TABLE_I
 from adrl.reproduction.run import run_lines
 from adrl.reproduction.statements import claims, steady_or_end
 from adrl.reproduction.tables import write_report
@@ -48,7 +49,7 @@ GOOD_FROM = {"adrl": 4, "td3": 10}
 
 def solves(method: str, seed: int, task: int) -> bool:
     """All fail tasks 0 and 1; seed s of a trained method also fails task 2 + s; the planner fails task 0 alone."""
-    if method == "astar-dwa":
+    if method.startswith("astar"):
         return task != 0
     return task > 1 and task != 2 + seed
 
@@ -74,14 +75,15 @@ def keep_all(out: Path, seeds: dict[str, int] | None = None) -> Path:
 
 
 def job_name(method: str, seed: int) -> str:
-    return method if method == "astar-dwa" else f"{method}-s{seed}"
+    return method if method.startswith("astar") else f"{method}-s{seed}"
 
 
-def keep_job(folder: Path, method: str, seed: int) -> None:
+def keep_job(folder: Path, method: str, seed: int, driven: Sequence[str] | None = None) -> None:
+    """driven: guidance of each evaluation."""
     evaluations, episodes, routes = [], [], []
-    for guidance in ("map",) if method == "astar-dwa" else ("goal", "replan"):
+    for guidance in driven or (("map",) if method == "astar-dwa" else ("goal", "replan")):
         ends = [solves(method, seed, task) for task in range(TASKS)]
-        time_s = 40.0 if method == "astar-dwa" else 30.0 + METHODS.index(method)
+        time_s = 30.0 + METHODS.index(method) if method in METHODS else 40.0
         for task, end in enumerate(ends):
             row = {"guidance": guidance, "task": task}
             row |= {"success": end, "collision": not end and task == 1, "distance_m": 20.0 + task}
@@ -94,10 +96,10 @@ def keep_job(folder: Path, method: str, seed: int) -> None:
     write_table(folder / "episodes.parquet", pa.Table.from_pylist(episodes))
     if seed <= 0:
         write_table(folder / "routes.parquet", pa.Table.from_pylist(routes))
-    if method != "astar-dwa":
+    if method in METHODS:
         curve = [curve_row(method, i) for i in range(ROWS)]
         write_table(folder / "curve.parquet", pa.Table.from_pylist(curve))
-    whose: dict[str, Any] = {"method": method, "seed": None if method == "astar-dwa" else seed}
+    whose: dict[str, Any] = {"method": method, "seed": seed if method in METHODS else None}
     whose["versions"] = {"python": "3.11.7"}
     (folder / "run.json").write_text(json.dumps(whose | {"evaluations": evaluations}))
 
@@ -443,7 +445,53 @@ def test_the_report_holds_every_figure_and_the_papers_numbers(folder: Path) -> N
 def test_the_methods_are_the_papers() -> None:
     assert set(ABLATIONS) | set(RIVALS) == set(METHODS)
     assert set(TABLE_I) == {*RIVALS, "astar-dwa"}
-    assert set(LABELS) == {*METHODS, "astar-dwa"}
+    assert set(LABELS) == {*METHODS, "astar-dwa", *CLASSICAL}
+
+
+@pytest.mark.slow
+def test_a_place_of_its_own_has_a_part_of_the_methods_and_planners_without_the_map(tmp_path: Path) -> None:
+    """The Jackal in complex: evaluated on the map and with the replanner; a planner in both; no TD3+BC, SAC and PPO."""
+    out = keep_all(tmp_path)
+    place = out / "complex-jackal"
+    methods = ("adrl", "td3", "rl-bc", "rl-reward")
+    for method in ("astar-dwa", "astar-pursuit", *methods):
+        for seed in (kept.NO_SEED,) if method.startswith("astar") else range(SEEDS):
+            keep_job(place / job_name(method, seed), method, seed, ("map", "replan"))
+    about = json.loads((out / "about.json").read_text())
+    jobs = ["astar-dwa", "astar-pursuit", *(job_name(m, s) for m in methods for s in range(SEEDS))]
+    mine = {"guidance": "map", "evaluated": ["map", "replan"], "robot": "jackal", "scenario": "complex"}
+    about["scenarios"]["complex-jackal"] = (
+        about["scenarios"]["clutter"]
+        | mine
+        | {
+            "jobs": jobs,
+            "methods": list(methods),
+        }
+    )
+    (out / "about.json").write_text(json.dumps(about))
+    results = kept.load(out)
+    assert results.scenario_of("complex-jackal") == "complex"
+    assert results.untrained("complex-jackal") == {
+        n: ["map", "replan"] for n in ("astar-dwa", "astar-pursuit")
+    }
+    assert results.untrained("clutter") == {"astar-dwa": ["map"]}
+    assert results.lacks("complex-jackal", {"adrl", "td3bc"})
+    assert not results.lacks("complex-jackal", {"adrl", "td3", "astar-dwa"})
+    assert not results.lacks("clutter", {"adrl", "td3bc"}), "results of before name no methods"
+
+    rows = table_rows(results, "complex-jackal")
+    driven = [(row["method"], row["guidance"]) for row in rows if row["seeds"] is None]
+    assert driven == [(m, g) for m in ("astar-dwa", "astar-pursuit") for g in ("map", "replan")]
+    for claim in claims(results):
+        judged_in = {verdict.place.partition(",")[0] for verdict in claim.verdicts}
+        if "TD3+BC" in claim.text or "SAC" in claim.text or "PPO" in claim.text:
+            assert "complex-jackal" not in judged_in, claim.text
+    assert any("complex-jackal" in v.place for claim in claims(results) for v in claim.verdicts)
+    write_report(out)
+    page = (out / "README.md").read_text()
+    assert "on a map of its own scans" in page
+    assert "success on the known map, %" in page
+    assert (out / "fig7-routes-complex-jackal-map.png").exists()
 
 
 @pytest.mark.slow

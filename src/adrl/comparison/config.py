@@ -18,6 +18,7 @@ from adrl.errors import ConfigError, UnknownName
 from adrl.imitation.experts import PERFECT, find_expert
 from adrl.registry import look_up
 from adrl.runs import RunConfig
+from adrl.simulators import NATIVE
 from adrl.types import GUIDANCE
 from adrl.worlds import load_robot
 
@@ -67,7 +68,7 @@ class CompareConfig(RunConfig):
     """Folder of the results. The same command again goes on where it was stopped; methods and seeds may be added."""
     method: tyro.conf.Suppress[str] = "adrl"
     """Set for each job."""
-    resume: tyro.conf.Suppress[bool] = True
+    resume: tyro.conf.Suppress[bool] = False
     """Set for each job."""
     learner: Annotated[TrainConfig, tyro.conf.arg(name="")] = field(
         default_factory=lambda: TrainConfig(eval_interval_steps=EVAL_INTERVAL_STEPS)
@@ -77,6 +78,8 @@ class CompareConfig(RunConfig):
         super().__post_init__()
         for name in self.method_names:
             look_up("method", name, {**METHODS, **SB3_METHODS, ALL: None})
+        if self.env != NATIVE and (others := SB3_METHODS.keys() & set(self.method_names)):
+            raise ConfigError(f"{min(others)} trains in our simulator only; leave it out, or env {self.env}")
         # The training's too: a worker would be the first to see it where the evaluation has its own.
         for name in (self.resolved_guidance(), *self.guidance_names):
             if name not in GUIDANCE:
@@ -111,6 +114,7 @@ class CompareConfig(RunConfig):
         values = {f.name: getattr(self, f.name) for f in fields(RunConfig)}
         known = "td3" if method in SB3_METHODS else method
         values |= {"method": known, "out": out, "learner": replace(self.learner, seed=seed)}
+        values["resume"] = self.env == NATIVE  # other simulators keep no state
         if not method_config(known, self.learner).schedule.imitates:
             values |= {"dataset": None, "expert": PERFECT}
         return RunConfig(**values)

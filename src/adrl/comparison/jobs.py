@@ -16,7 +16,7 @@ from adrl.agents.metrics import METRICS_FILE
 from adrl.baselines import SB3_METHODS
 from adrl.baselines.planners import PLANNERS
 from adrl.comparison.config import CompareConfig
-from adrl.deploy.policies import find_policy
+from adrl.deploy.policies import ResolvedPolicy, find_policy
 from adrl.deploy.policy import CONFIG_FILE
 from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.results import write_table
@@ -80,8 +80,7 @@ def run_job(config: CompareConfig, job: Job, started_s: float) -> None:
     # Traces take megabytes: kept of the planner and of one seed a method, for adrl report.
     traced = job.seed in (None, config.learner.seed)
     policy = find_policy(job.method if run is None else run, PLANNERS)
-    # One with a seed is evaluated as all trainings are, another one as it says.
-    under = (policy.guidance,) if run is None else config.guidance_names
+    under = _own_guidances(policy, config) if run is None else config.guidance_names
     evaluations = [
         api.evaluate(
             policy,
@@ -113,6 +112,15 @@ def run_job(config: CompareConfig, job: Job, started_s: float) -> None:
     )
     if run is not None and not config.keep_checkpoints:
         shutil.rmtree(run / CHECKPOINT_FOLDER, ignore_errors=True)
+
+
+def _own_guidances(policy: ResolvedPolicy, config: CompareConfig) -> tuple[str, ...]:
+    """What a policy that is not trained here is driven with: its own guidance, and others that are asked for where it
+    names several: a planner that also drives without the map.
+    """
+    able = getattr(policy.policy, "guidances", ())
+    asked = (guidance for guidance in config.guidance_names if guidance in able)
+    return tuple(dict.fromkeys((policy.guidance, *asked)))
 
 
 def _routes(evaluations: Sequence[api.Evaluation]) -> "pa.Table":
@@ -156,6 +164,8 @@ def _train(config: RunConfig, method: str, out: Path, started_s: float) -> None:
     if method in SB3_METHODS:
         train_baseline(config, method, out, started_s)
     else:
+        if not config.resume:  # what a killed worker left cannot be gone on with
+            shutil.rmtree(out, ignore_errors=True)
         # A worker that was killed in its evaluation left the policy, which is evaluated anew.
         with suppress(BudgetSpent):
             train(config, start_time_s=started_s)

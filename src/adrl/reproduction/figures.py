@@ -308,7 +308,9 @@ def _route_panels(results: Results, scenario: str, guidance: str) -> list[RouteP
         return []
     about = results.about["scenarios"][scenario]
     count = max(int(routes["task"].max()) for routes in driven.values()) + 1
-    tasks = task_set(get_scenario(scenario), load_robot(about["robot"]), about["split"], count)
+    tasks = task_set(
+        get_scenario(results.scenario_of(scenario)), load_robot(about["robot"]), about["split"], count
+    )
     panels = []
     for number, task in enumerate(tasks):
         lines, endings = {}, {}

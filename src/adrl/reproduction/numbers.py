@@ -36,21 +36,23 @@ Curve = Mapping[str, Array]
 def table_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
     """Our side of Table I in a scenario: a row for each method and guidance, means over seeds with 95 % intervals.
 
-    The planner has no seeds: its intervals are over its episodes. A learned method's row also has what beside_planner
+    Planners have no seeds: their intervals are over episodes. A learned method's row also has what beside_planner
     says.
     """
     rows = []
-    for method in TABLE_I:
-        for guidance in ("map",) if method == PLANNER else results.about["scenarios"][scenario]["evaluated"]:
+    planners = results.untrained(scenario)
+    for method in (*planners, *(name for name in TABLE_I if name != PLANNER)):
+        evaluated = planners.get(method) or results.about["scenarios"][scenario]["evaluated"]
+        for guidance in evaluated:
             success = results.values(scenario, method, guidance, "success")
             if not success:
                 continue
             row: dict[str, Any] = {"scenario": scenario, "method": method, "guidance": guidance}
-            row["seeds"] = None if method == PLANNER else len(success)
+            row["seeds"] = None if method in planners else len(success)
             row |= entry("success", success_interval(results, scenario, method, guidance))
             for metric in ("collision", "timeout"):
                 row |= entry(metric, seed_mean(results.values(scenario, method, guidance, metric)))
-            if method == PLANNER:
+            if method in planners:
                 run = results.outcomes(scenario, method, guidance)[NO_SEED]
                 row |= _entries({metric: planner_interval(run, metric) for metric in OVER_SUCCESSES})
             else:
@@ -78,19 +80,20 @@ def success_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
     share that it solved with it.
     """
     rows = []
-    for method in (*METHODS, PLANNER):
-        evaluated = ("map",) if method == PLANNER else results.about["scenarios"][scenario]["evaluated"]
+    planners = results.untrained(scenario)
+    for method in (*METHODS, *planners):
+        evaluated = planners.get(method) or results.about["scenarios"][scenario]["evaluated"]
         runs = {guidance: results.outcomes(scenario, method, guidance) for guidance in evaluated}
         if not any(runs.values()):
             continue
         row: dict[str, Any] = {"scenario": scenario, "method": method}
-        row["seeds"] = None if method == PLANNER else max(len(by_seed) for by_seed in runs.values())
+        row["seeds"] = None if method in planners else max(len(by_seed) for by_seed in runs.values())
         for guidance in evaluated:
             row |= entry(f"success_{guidance}", success_interval(results, scenario, method, guidance))
             for ending in ("collision", "timeout"):
                 values = results.values(scenario, method, guidance, ending)
                 row[f"{ending}_{guidance}"] = finite(float(np.mean(values))) if values else None
-        if {"goal", "replan"} <= set(evaluated):
+        if method not in planners and {"goal", "replan"} <= set(evaluated):
             without, with_it = (
                 {seed: float(run["success"].mean()) for seed, run in runs[guidance].items()}
                 for guidance in ("goal", "replan")

@@ -87,10 +87,10 @@ def paired_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
 
 
 def success_interval(results: Results, scenario: str, method: str, guidance: str) -> Interval:
-    """Mean over seeds with its bootstrap interval; of the planner, which has none, Wilson's over its episodes."""
+    """Mean over seeds with its bootstrap interval; of a planner, which has none, Wilson's over its episodes."""
     runs = results.outcomes(scenario, method, guidance)
-    if method == PLANNER:
-        flags = runs[NO_SEED]["success"] if runs else np.empty(0, np.bool_)
+    if NO_SEED in runs:
+        flags = runs[NO_SEED]["success"]
         return wilson_interval(int(flags.sum()), len(flags))
     return seed_mean(results.values(scenario, method, guidance, "success"))
 

@@ -25,10 +25,14 @@ LABELS: dict[str, str] = {
     "sb3-sac": "SAC",
     "sb3-ppo": "PPO",
     "astar-dwa": "A*+DWA",
+    "astar-mppi": "A*+MPPI",
+    "astar-pursuit": "A*+pure pursuit",
 }
 """Our method's name -> the paper's."""
 
 OURS, PLANNER = "adrl", "astar-dwa"
+CLASSICAL = ("astar-mppi", "astar-pursuit")
+"""Planners beside the paper's."""
 ABLATIONS = ("adrl", "rl-bc", "rl-reward", "td3")
 """The methods of Fig. 4."""
 RIVALS = ("adrl", "td3bc", "sb3-sac", "sb3-ppo")

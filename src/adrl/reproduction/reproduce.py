@@ -1,7 +1,7 @@
-"""The paper's section IV with our statistics: two scenarios, each a comparison, and what is kept of them."""
+"""The paper's section IV with our statistics: a comparison in each place, and what is kept of them."""
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from adrl import files
-from adrl.agents.config import TrainConfig
 from adrl.agents.metrics import METRICS_FILE
 from adrl.comparison.compare import claim, compare
 from adrl.comparison.config import CompareConfig
@@ -20,39 +19,12 @@ from adrl.evaluation.results import read_table, write_table
 from adrl.report.metrics_log import read_metrics
 from adrl.reproduction import results as kept
 from adrl.reproduction.calls import Call
-from adrl.reproduction.reported import METHODS
 from adrl.runs import versions
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 SCHEMA_VERSION = 2
-ROUTES = 3
-"""Test tasks whose routes are drawn (Fig. 7)."""
-
-
-def preset(name: str) -> dict[str, CompareConfig]:
-    """scenario -> its comparison, of the preset quick or full.
-
-    As in the paper policies see the goal and no map, the replanner is off in training, and every policy is then driven
-    without and with it. Both scenarios have the same budget of environment steps.
-    """
-    seeds, episodes, steps, validation = {"quick": (2, 50, 65_536, 20), "full": (10, 200, 262_144, 40)}[name]
-    return {
-        scenario: CompareConfig(
-            scenario=scenario,
-            methods=",".join(METHODS),
-            seeds=seeds,
-            episodes=episodes,
-            guidance="goal",
-            eval_guidance="goal,replan",
-            validation_episodes=validation,
-            routes=ROUTES,
-            keep_checkpoints=False,
-            learner=TrainConfig(steps=steps, log_interval_steps=4096, eval_interval_steps=16_384),
-        )
-        for scenario in ("clutter", "complex")
-    }
 
 
 def reproduce(
@@ -61,19 +33,22 @@ def reproduce(
     results: str | os.PathLike[str],
     *,
     name: str,
+    only: Collection[str] | None = None,
     on_change: Callable[[int, int, int], None] | None = None,
 ) -> dict[str, Path]:
     """Run what is not kept yet, and keep each job's result when it has ended; see adrl.reproduction.results.
 
-    comparisons: scenario -> its comparison, which runs in out/SCENARIO. What is in `results` is not run again, even
-    when `out` is gone. name: the preset's. on_change(done, running, total) is told the progress over all of them.
-    Returns the jobs whose process failed: scenario/name -> its log. Raises AdrlError as compare does.
+    comparisons: place -> its comparison, which runs in out/PLACE. What is in `results` is not run again, even when
+    `out` is gone. name: the preset's. only: the places to work on; the others are in the results as missing.
+    on_change(done, running, total) is told the progress over all of them. Returns the jobs whose process failed:
+    place/name -> its log. Raises AdrlError as compare does.
     """
     out, results = Path(out), Path(results)
-    placed = {scenario: replace(config, out=out / scenario) for scenario, config in comparisons.items()}
+    every = {scenario: replace(config, out=out / scenario) for scenario, config in comparisons.items()}
+    placed = {scenario: config for scenario, config in every.items() if only is None or scenario in only}
     for scenario, config in placed.items():
         claim(config, results / scenario)
-    about, earlier = _about(placed, name), _calls(results)
+    about, earlier = _about(every, name), _calls(results)
 
     def record(*calls: dict[str, Any]) -> None:
         content = about | {"calls": [*earlier, *calls]}
@@ -88,7 +63,7 @@ def reproduce(
     for scenario, config in placed.items():
         keep(config, results / scenario)  # of a call that was killed before it came to that
     before = kept_now()
-    first = next(iter(placed.values()))
+    first = next(iter(every.values()))
     call = Call(record, None if first.ray else len(cores(first)))
     for scenario, config in placed.items():
 
@@ -153,7 +128,10 @@ def _about(placed: Mapping[str, CompareConfig], name: str) -> dict[str, Any]:
             "seeds": config.seeds,
             "episodes": config.episodes,
             "split": config.split,
+            "scenario": config.scenario,
             "robot": config.robot,
+            "env": config.env,
+            "methods": list(config.method_names),
             "jobs": [job.name for job in all_jobs(config)],
         }
         for scenario, config in placed.items()

@@ -11,7 +11,7 @@ A job's folder is written when it has ended and holds all that is kept of it: wh
 job again.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NotRequired, TypedDict
@@ -71,6 +71,10 @@ class _Preset(TypedDict):
     split: str
     robot: str
     jobs: list[FileName]
+    scenario: NotRequired[str]
+    """The place's own name in results of before."""
+    env: NotRequired[str]
+    methods: NotRequired[list[str]]
 
 
 class _Call(TypedDict):
@@ -123,6 +127,23 @@ class Results:
         """The scenarios that have results, in the order they are run."""
         found = {run["scenario"] for run in self.runs}
         return tuple(name for name in self.about["scenarios"] if name in found)
+
+    def scenario_of(self, place: str) -> str:
+        """Name of the scenario whose worlds a place has."""
+        return self.about["scenarios"][place].get("scenario", place)
+
+    def lacks(self, place: str, methods: Collection[str]) -> bool:
+        """Whether one of these methods is not meant to be run in a place."""
+        meant = self.about["scenarios"][place].get("methods")
+        return meant is not None and not set(methods) <= {*meant, *self.untrained(place)}
+
+    def untrained(self, place: str) -> dict[str, list[str]]:
+        """Planner -> guidance of each of its runs in a place, in the order they were run."""
+        found: dict[str, list[str]] = {}
+        for run in self.runs:
+            if run["scenario"] == place and run["seed"] is None:
+                found.setdefault(run["method"], []).append(run["guidance"])
+        return found
 
     def trained_with(self, scenario: str) -> str:
         """Guidance of the training in a scenario."""

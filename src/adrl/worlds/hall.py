@@ -25,8 +25,8 @@ class Hall:
     gap_m: tuple[float, float] = (0.7, 0.9)
     """Least distance of obstacles; widened for a robot that needs more."""
     traps: int = 8
-    """U-traps: three thin boxes, open to any side. Most of them stand in the end; of walls, boxes and circles, for which
-    there is less room then, about a half."""
+    """U-traps: three thin boxes, open to any side. Most of them stand in the end; of walls, boxes and circles, for
+    which there is less room then, about a half."""
     trap_depth_m: tuple[float, float] = (0.5, 0.8)
     trap_width_m: tuple[float, float] = (0.9, 1.3)
     walls: int = 10
