@@ -111,7 +111,7 @@ class BagWriter:
         links = [
             (MAP, ODOM, compose(pose, inverse(odometry))),
             (ODOM, BASE, odometry),
-            (BASE, LASER, (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad)),
+            (BASE, LASER, lidar.mount),
         ]
         transforms = [
             messages.transform_stamped(self._new, self._header(time_s, parent), child, at)

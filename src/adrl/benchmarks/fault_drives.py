@@ -233,7 +233,7 @@ def _seen_through(one: _Robot, sim: NavSim, i: int) -> np.ndarray:
     """(K,) ranges where glass is not seen."""
     assert one.sees is not None
     lidar = sim.robot.lidar
-    sensor = np.array([compose(sim.b["pose"][i], (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad))])
+    sensor = np.array([compose(sim.b["pose"][i], lidar.mount)])
     time_s = float(sim.b["time"][i])
     through = _core.raycast(one.sees.native, sensor, lidar.angles_rad, lidar.max_range_m, time_s)[0]
     return np.maximum(through, sim.b["ranges"][i])

@@ -58,7 +58,7 @@ class LidarAdapter:
     def __init__(self, trained: LidarConfig, mount: Pose | None = None) -> None:
         """mount: of the real LiDAR in the robot's frame; that of the trained one when None."""
         self.trained = trained
-        self.mount = mount or (trained.mount_x_m, trained.mount_y_m, trained.mount_yaw_rad)
+        self.mount = mount or trained.mount
         c, s = math.cos(trained.mount_yaw_rad), math.sin(trained.mount_yaw_rad)
         dx, dy = self.mount[0] - trained.mount_x_m, self.mount[1] - trained.mount_y_m
         self._offset = (c * dx + s * dy, c * dy - s * dx)  # of the real sensor in the trained one's frame

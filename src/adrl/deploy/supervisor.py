@@ -88,7 +88,7 @@ class Supervisor:
         self.robot = robot
         self.config = config or SupervisorConfig()
         lidar = robot.lidar
-        mount = mount or (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad)
+        mount = mount or lidar.mount
         self._period_s = robot.control_period_s
         self._read = ScanReader(zero_is_free=zero_is_free, nan_is_free=nan_is_free)
         self._sensors = SensorWatch(

@@ -9,6 +9,7 @@ from PIL import Image, ImageDraw
 
 from adrl import _core
 from adrl.errors import MissingExtra
+from adrl.geometry import compose, in_world_frame
 from adrl.types import Array, World
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ class Renderer:
         if robot.radius_m is not None:
             draw.ellipse(view.disc(x, y, robot.radius_m), fill=ROBOT)
         else:
-            draw.polygon(view.pixels(_place(robot.polygon, x, y, theta)), fill=ROBOT)
+            draw.polygon(view.pixels(in_world_frame(np.array([x, y, theta]), robot.polygon)), fill=ROBOT)
         nose = 1.2 * robot.circumscribed_radius_m
         draw.line(
             view.pixels([(x, y), (x + nose * np.cos(theta), y + nose * np.sin(theta))]),
@@ -154,16 +155,9 @@ def background(world: World) -> Image.Image:
 
 def _hits(sim: "NavSim", index: int) -> Array:
     """(H, 2) points where beams end on something."""
-    x, y, theta = sim.b["pose"][index]
     lidar = sim.robot.lidar
     ranges = sim.b["ranges"][index].astype(np.float64)
-    c, s = np.cos(theta), np.sin(theta)
-    sensor = (x + c * lidar.mount_x_m - s * lidar.mount_y_m, y + s * lidar.mount_x_m + c * lidar.mount_y_m)
-    angles = theta + lidar.mount_yaw_rad + lidar.angles_rad
-    points = np.array(sensor) + ranges[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    x, y, heading = compose(sim.b["pose"][index], lidar.mount)
+    angles = heading + lidar.angles_rad
+    points = np.array([x, y]) + ranges[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     return points[ranges < lidar.max_range_m]
-
-
-def _place(corners: Array, x: float, y: float, theta: float) -> Array:
-    c, s = np.cos(theta), np.sin(theta)
-    return corners @ np.array([[c, s], [-s, c]]) + (x, y)

@@ -16,8 +16,8 @@ from adrl import files
 from adrl.envs.nav_sim import NavSim, Outcome
 from adrl.errors import AdrlError, CheckpointError, FileError, brief
 from adrl.evaluation.metrics import RATES
+from adrl.geometry import in_robot_frame, in_world_frame
 from adrl.json_files import parse_json
-from adrl.observation import in_robot_frame
 from adrl.rewards import REWARD_TERMS, RewardConfig, reward_terms, weights
 from adrl.types import Array, OccupancyGrid, RobotConfig, Task, World
 from adrl.worlds import robot_from_fields
@@ -197,7 +197,7 @@ class TraceRecorder:
         b = sim.b
         waypoint = b["waypoint"].copy()
         if self._guidance != "map":  # given in the odometry's frame
-            waypoint = _in_world(b["pose"], in_robot_frame(b["odometry"], waypoint))
+            waypoint = in_world_frame(b["pose"], in_robot_frame(b["odometry"], waypoint))
         self._states.add(
             rows,
             time_s=b["time"],
@@ -210,13 +210,6 @@ class TraceRecorder:
         if self._step % self._every == 0:
             self._points.add(rows, place=b["pose"][:, :2])
         self._last = b["pose"]
-
-
-def _in_world(pose: Array, points: Array) -> Array:
-    """Inverse of in_robot_frame."""
-    cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-    x, y = points.T
-    return pose[:, :2] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
 
 
 def write_traces(path: str | os.PathLike[str], traces: Traces) -> None:

@@ -186,7 +186,7 @@ def _mount(
 ) -> tuple[Pose, bool, str]:
     """Where the LiDAR sits, whether upside down, and what to say: by /tf, else by the robot's file."""
     lidar = robot.lidar
-    configured = (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad)
+    configured = lidar.mount
     mount = read_mount(bag, topic, transforms, frame, odometry)
     if mount is None:
         unrelated = frame in transforms.frames

@@ -83,7 +83,7 @@ def cue_settings(robot: RobotConfig, num_sectors: int, steps: int) -> CueSetting
         num_beams=lidar.num_beams,
         angle_min_rad=lidar.angle_min_rad,
         angle_increment_rad=lidar.angle_increment_rad,
-        mount=(lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad),
+        mount=lidar.mount,
         max_range_m=lidar.max_range_m,
         num_sectors=num_sectors,
         margin_m=ROUNDING_M + 3.0 * lidar.noise_std_m,

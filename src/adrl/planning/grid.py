@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from adrl import _core
 from adrl.errors import PlanningError
+from adrl.geometry import in_robot_frame
 from adrl.types import Array, OccupancyGrid, RobotConfig, World
 
 RESOLUTION_M = 0.05
@@ -148,11 +149,9 @@ def _seen_by(
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """(H, W) planning cells whose centre lies on the bitmap, and those on a cell of it that was seen free."""
     rows, columns = np.indices(shape)
-    x = (columns + 0.5) * resolution_m + origin_m[0] - bitmap.origin[0]
-    y = (rows + 0.5) * resolution_m + origin_m[1] - bitmap.origin[1]
-    c, s = math.cos(bitmap.origin[2]), math.sin(bitmap.origin[2])
-    column = np.floor((c * x + s * y) / bitmap.resolution_m).astype(np.intp)
-    row = np.floor((c * y - s * x) / bitmap.resolution_m).astype(np.intp)
+    centres = (np.stack([columns, rows], axis=-1, dtype=np.float64) + 0.5) * resolution_m + np.array(origin_m)
+    on_bitmap = in_robot_frame(np.array(bitmap.origin), centres)
+    column, row = np.floor(np.moveaxis(on_bitmap, -1, 0) / bitmap.resolution_m).astype(np.intp)
     height, width = bitmap.solid.shape
     inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
     free = bitmap.solid == 0 if bitmap.observed_free is None else bitmap.observed_free

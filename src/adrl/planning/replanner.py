@@ -301,7 +301,7 @@ class Replanner:
             width=config.cells,
             resolution_m=config.resolution_m,
             evidence=evidence,
-            mount=(lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad),
+            mount=lidar.mount,
             max_range_m=lidar.max_range_m,
             reach_m=config.range_m,
             body_radius_m=inscribed_radius_m(robot),

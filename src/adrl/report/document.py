@@ -142,7 +142,7 @@ def _shape(robot: RobotConfig) -> dict[str, Any]:
         "radius_m": robot.radius_m,
         "polygon": numbers(robot.polygon),
         "reach_m": robot.circumscribed_radius_m,
-        "mount": numbers([lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad]),
+        "mount": numbers(lidar.mount),
         "angles": numbers(lidar.angles_rad[kept]),
         "max_range_m": lidar.max_range_m,
         "max_speed_mps": robot.max_speed_mps,

@@ -75,7 +75,7 @@ def robot_figure(robot: RobotConfig) -> Figure:
     head = {"head_width": 0.25 * size, "length_includes_head": True, "zorder": 6, "color": INK}
     axes.arrow(0.0, 0.0, size, 0.0, **head)
     axes.plot(0.0, 0.0, "+", color=INK, markersize=10, zorder=6)
-    x, y, yaw = lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad
+    x, y, yaw = lidar.mount
     axes.plot(x, y, "o", color=PALETTE[0], markeredgecolor="white", markersize=8, zorder=7)
     axes.arrow(
         x,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.errors import ConfigError
-from adrl.geometry import Array, lies_within
+from adrl.geometry import Array, Pose, lies_within
 from adrl.ranges import Range, check_ranges
 from adrl.types.base import HasNative, require
 from adrl.types.polygons import outline
@@ -46,6 +46,11 @@ class LidarConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self, "lidar.")
+
+    @property
+    def mount(self) -> Pose:
+        """The sensor's pose in the robot's frame."""
+        return self.mount_x_m, self.mount_y_m, self.mount_yaw_rad
 
     @property
     def angle_increment_rad(self) -> float:
@@ -133,7 +138,7 @@ class RobotConfig(HasNative):
             lidar.num_beams,
             lidar.angle_min_rad,
             lidar.angle_increment_rad,
-            (lidar.mount_x_m, lidar.mount_y_m, lidar.mount_yaw_rad),
+            lidar.mount,
             lidar.max_range_m,
             self.control_period_s,
         )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl import _core
-from adrl.geometry import Array
+from adrl.geometry import Array, in_world_frame
 from adrl.types.base import HasNative, require
 from adrl.types.polygons import require_convex
 
@@ -73,10 +73,9 @@ class World(HasNative):
         """(M, 2) middles of the solid cells of the grid."""
         if self.grid is None:
             return np.empty((0, 2))
-        x, y = (np.argwhere(self.grid.solid)[:, ::-1].T + 0.5) * self.grid.resolution_m
-        x0, y0, yaw = self.grid.origin
-        c, s = math.cos(yaw), math.sin(yaw)
-        return np.column_stack([x0 + c * x - s * y, y0 + s * x + c * y])
+        cells = np.argwhere(self.grid.solid)[:, ::-1].astype(np.float64)
+        middles = (cells + 0.5) * self.grid.resolution_m
+        return in_world_frame(np.array(self.grid.origin), middles)
 
     @cached_property
     def native(self) -> "_core.World":
