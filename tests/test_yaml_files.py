@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from adrl.errors import FileError
 from adrl.files import read_bytes, read_text
-from adrl.yaml_files import MAX_DEPTH, MAX_NODES, read_yaml
+from adrl.yaml_files import MAX_DEPTH, MAX_NODES, Twice, read_yaml
 
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.text("ab: -#'\"{}[],&*!", max_size=8),
@@ -51,6 +51,16 @@ def test_tabs_line_ends_and_byte_order_marks_change_nothing(tmp_path: Path, text
 def test_a_tab_does_not_indent(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"not valid YAML.*line 2"):
         read_yaml(written(tmp_path, "a: 1\n\tb: 2\n"))
+
+
+def test_keys_that_are_there_twice_are_kept_where_that_is_asked_for(tmp_path: Path) -> None:
+    text = "a: 1\nb: {c: [2], d: 3, c: [2]}\na: 4\na: {e: 5}\n2: x\n2: y\nf: 6\n"
+    path = written(tmp_path, text)
+    content = read_yaml(path, keep_all=True)
+    assert content == {"a": (1, 4, {"e": 5}), "b": {"c": [2], "d": 3}, 2: ("x", "y"), "f": 6}
+    assert isinstance(content["a"], Twice)
+    with pytest.raises(FileError, match=r"has '[ac]' twice; leave one"):
+        read_yaml(path)
 
 
 def bomb(levels: int) -> str:

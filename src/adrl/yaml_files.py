@@ -15,11 +15,18 @@ MAX_NODES = 20_000
 """Values in a file; an alias counts as all that it stands for."""
 
 
-def read_yaml(path: str | os.PathLike[str]) -> Any:
-    """The content of an ordinary YAML file. Raises FileError."""
+class Twice(tuple[Any, ...]):
+    """The values of a key that a file has more than once, where they differ."""
+
+
+def read_yaml(path: str | os.PathLike[str], *, keep_all: bool = False) -> Any:
+    """The content of an ordinary YAML file. Raises FileError.
+
+    keep_all: a key may be there more than once, as ROS lets it: once where its values are the same, else as Twice.
+    """
     text = read_text(path, MAX_BYTES)
     try:
-        return yaml.load(text, Loader=_Loader)
+        return yaml.load(text, Loader=_KeepingLoader if keep_all else _Loader)
     except yaml.MarkedYAMLError as error:
         line = f" in line {error.problem_mark.line + 1}" if error.problem_mark else ""
         raise FileError(f"is not valid YAML: {error.problem}{line}") from None
@@ -29,6 +36,8 @@ def read_yaml(path: str | os.PathLike[str]) -> Any:
 
 class _Loader(yaml.SafeLoader):
     """The safe loader with limits. As for the parsers of map_server, a tab separates, but does not indent."""
+
+    keep_all = False
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -63,6 +72,26 @@ class _Loader(yaml.SafeLoader):
     def compose_mapping_node(self, anchor: Any) -> yaml.MappingNode:
         node = super().compose_mapping_node(anchor)
         keys = Counter(key.value for key, _ in node.value if isinstance(key, yaml.ScalarNode))
-        for key in (key for key, count in keys.items() if count > 1):
-            raise FileError(f"has {key!r} twice; leave one")
+        for name in (name for name, count in keys.items() if count > 1):
+            if not self.keep_all:
+                raise FileError(f"has {name!r} twice; leave one")
+            pairs = [pair for pair in node.value if pair[0].value == name]
+            values = yaml.SequenceNode(TWICE, [value for _, value in pairs])
+            node.value = [pair for pair in node.value if pair not in pairs] + [(pairs[0][0], values)]
         return node
+
+
+class _KeepingLoader(_Loader):
+    keep_all = True
+
+
+TWICE = "\0twice"
+"""Marks the values of a key; no file can have such a tag."""
+
+
+def _twice(loader: _Loader, node: yaml.SequenceNode) -> Any:
+    values = Twice(loader.construct_sequence(node, deep=True))
+    return values[0] if all(value == values[0] for value in values) else values
+
+
+_Loader.add_constructor(TWICE, _twice)

@@ -171,6 +171,23 @@ def test_files_of_move_base_are_read_together(tmp_path: Path) -> None:
         assert text in fault
 
 
+def test_a_key_that_is_there_twice_counts_where_it_matters(tmp_path: Path) -> None:
+    path = write(tmp_path / "p.yaml", parameters(ROBOT))
+    text = path.read_text()
+    path.write_text(text.replace("global_frame: odom", "global_frame: odom\n      width: 3\n      width: 5"))
+    assert settle(read_nav2([path]).findings).faults == ()
+    path.write_text(text.replace("max_vel_x: 0.7", "max_vel_x: 0.7\n      max_vel_x: 0.7"))
+    assert settle(read_nav2([path]).findings).faults == ()
+    path.write_text(text.replace("max_vel_x: 0.7", "max_vel_x: 0.7\n      max_vel_x: 0.9"))
+    with pytest.raises(
+        ConfigError, match=r"controller_server.FollowPath.max_vel_x is 0.7 and 0.9; leave one"
+    ):
+        read_nav2([path])
+    path.write_text(text + "amcl: {ros__parameters: {}}\n")
+    with pytest.raises(ConfigError, match="has 'amcl' twice; leave one"):
+        read_nav2([path])
+
+
 def controller(content: dict[str, Any]) -> dict[str, Any]:
     return content["controller_server"]["ros__parameters"]["FollowPath"]
 

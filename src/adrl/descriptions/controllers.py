@@ -1,8 +1,6 @@
 """Controllers of Nav2 and of move_base: how each calls the limits that it drives a robot by."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,11 +80,6 @@ SHIM = "RotationShimController"
 """Turns the robot before another controller, its primary_controller, drives it."""
 
 
-def class_of(plugin: Any) -> str:
+def class_of(plugin: str) -> str:
     """nav2_mppi_controller::MPPIController -> MPPIController."""
-    return str(plugin).replace("::", "/").rpartition("/")[2]
-
-
-def first(parameters: Mapping[str, Any], names: tuple[str, ...]) -> str | None:
-    """The first of the names that is there."""
-    return next((name for name in names if parameters.get(name) is not None), None)
+    return plugin.replace("::", "/").rpartition("/")[2]
