@@ -71,6 +71,14 @@ def test_a_lidar_is_where_its_chain_of_joints_puts_it(
         )
 
 
+def test_the_mount_is_in_the_robot_s_frame_by_other_sources(tmp_path: Path) -> None:
+    path = write(tmp_path / "cart.urdf", urdf())
+    found = values(read_urdf(path, base="plate"))
+    assert [found[name] for name in MOUNT] == pytest.approx([0.2, 0.05, 0.0])
+    assert found["base_frame"] == "plate"
+    assert values(read_urdf(path, base="elsewhere"))["base_frame"] == "base_link"
+
+
 def test_an_upside_down_lidar_is_told(tmp_path: Path) -> None:
     text = urdf(laser=joint("laser", "plate", rpy=f"{math.pi} 0 0"))
     reading = read_urdf(write(tmp_path / "cart.urdf", text))

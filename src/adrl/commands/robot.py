@@ -98,7 +98,10 @@ def _make(options: RobotOptions, sources: list[Path]) -> int:
         reading = read_nav2(options.from_nav2, options.scan_topic)
         findings, notes = findings + reading.findings, notes + reading.notes
     if options.from_urdf is not None:
-        reading = read_urdf(options.from_urdf, options.lidar)
+        base = next(
+            (f.value for f in findings if f.field == "base_frame" and f.standing is Standing.SAID), None
+        )
+        reading = read_urdf(options.from_urdf, options.lidar, base)
         findings, notes = findings + reading.findings, notes + reading.notes
     if options.from_bag is not None:
         likely = [finding.value for finding in findings if finding.field == "scan_topic"]

@@ -1,7 +1,8 @@
 """A robot from what others say of it: parameters of Nav2, a URDF, a bag.
 
-findings: what a place says of a field, and what several come to. nav2, controllers: parameter files. urdf, outline:
-URDF, and the footprint of its shapes. recording: bags. write: the robot file, with a source beside each number.
+findings: what a place says of a field, and what several come to. nav2, parameters, controllers: parameter files. urdf,
+urdf_body, urdf_shapes, outline: URDF, its links, and the footprint of its shapes. recording: bags. write: the robot
+file, with a source beside each number.
 """
 
 from adrl.descriptions.findings import Finding, Reading, Settled, Standing, given_fields, settle

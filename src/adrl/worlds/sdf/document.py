@@ -98,9 +98,9 @@ class _Limited:
         self._depth += 1
         self._count += 1
         if self._depth > MAX_DEPTH:
-            raise WorldError(f"is nested more than {MAX_DEPTH} elements deep; {KINDS}")
+            raise WorldError(f"is nested more than {MAX_DEPTH} elements deep; leave some out")
         if self._count > MAX_ELEMENTS:
-            raise WorldError(f"has more than {MAX_ELEMENTS} elements; {KINDS}")
+            raise WorldError(f"has more than {MAX_ELEMENTS} elements; leave some out")
         self.builder.start(tag, attributes)
 
     def _end(self, tag: str) -> None:
@@ -109,7 +109,7 @@ class _Limited:
 
     @staticmethod
     def _refuse(*_: object) -> None:
-        raise WorldError("has a DOCTYPE; remove it, no world needs one")
+        raise WorldError("has a DOCTYPE; remove it, nothing needs one")
 
 
 def _is_stage(content: bytes) -> bool:
