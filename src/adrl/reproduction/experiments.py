@@ -15,7 +15,7 @@ ROUTES = 3
 """Test tasks whose routes are drawn (Fig. 7)."""
 SIZES = {"quick": (2, 20, 10), "full": (10, 200, 40)}
 """Preset -> seeds, test tasks, validation tasks."""
-QUICK_STEPS = 16_384
+QUICK_STEPS = 8192
 GAZEBO_SEEDS, GAZEBO_METHODS = 5, "adrl,td3,rl-bc,td3bc"
 """Steps are dear there: half the seeds, and the methods of our learner."""
 
@@ -44,7 +44,11 @@ def preset(name: str) -> dict[str, CompareConfig]:
             validation_episodes=validation,
             routes=ROUTES,
             keep_checkpoints=False,
-            learner=TrainConfig(steps=steps, log_interval_steps=4096, eval_interval_steps=16_384),
+            learner=TrainConfig(
+                steps=steps,
+                log_interval_steps=min(steps // 16, 4096),
+                eval_interval_steps=min(steps // 4, 16_384),
+            ),
         )
 
     in_gazebo = replace(
