@@ -6,13 +6,16 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from adrl import processes
+from adrl.agents.config import Td3Config, TrainConfig
 from adrl.comparison.ray_pool import free_core, require_ray
 from adrl.errors import MissingExtra
+from adrl.regret.regret import preset, regret, scores
 from small_run import run_cli
 
 IN_CI = os.environ.get("CI") == "true"
@@ -67,6 +70,24 @@ def test_the_cluster_gives_the_same_policies_as_processes_here(address: str, tmp
     assert run_cli("compare", *failing, "--ray", address, "--out", tmp_path / "failed") == 1
     assert "no-such-dataset" in (tmp_path / "failed" / "logs" / "adrl-s0.log").read_text()
     assert (tmp_path / "failed" / "astar-dwa" / "summary.json").exists()
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+@pytest.mark.ray
+def test_regret_runs_there_too(address: str, tmp_path: Path) -> None:
+    cell = "slow-dense-clutter-diffbot"
+    comparisons = preset(tmp_path / "out", cells=cell, methods="adrl,td3", seeds=1)
+    learner = TrainConfig(
+        steps=1024, start_steps=512, pretrain_updates=8, eval_interval_steps=1024, td3=Td3Config(widths=(16,))
+    )
+    sizes = {"episodes": 4, "num_envs": 32, "task_pool": 4, "demonstration_steps": 512}
+    tiny = {cell: replace(comparisons[cell], ray=address, learner=learner, validation_episodes=2, **sizes)}
+    assert regret(tiny) == {}
+    found = scores(tiny)
+    assert found is not None
+    assert found[0].success.shape == (1, 2, 1)
+    assert not (tmp_path / "out" / cell / "runs").exists(), "the runs themselves stay on the cluster"
 
 
 @pytest.mark.ray

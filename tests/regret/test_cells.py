@@ -1,13 +1,17 @@
 """The twelve cells: a fraction of all, balanced as its table says."""
 
 from collections import Counter
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from adrl.imitation import Demonstrations, collect
 from adrl.regret.cells import CELLS
 from adrl.rewards import RewardConfig
+from adrl.runs import Run
 
 FACTORS = ("reward", "place", "robot")
 
@@ -53,3 +57,18 @@ def test_all_methods_of_a_cell_differ_in_themselves_alone() -> None:
         runs = [config.run(method, 3, Path("run")) for method in config.method_names]
         assert runs[0].learner == runs[1].learner
         assert runs[0].learner.seed == 3
+
+
+@pytest.mark.parametrize("name", ["slow-dense-clutter-diffbot", "noisy-dense-clutter-jackal"])
+def test_all_methods_of_a_seed_see_the_same_demonstrations(name: str, tmp_path: Path) -> None:
+    config = replace(CELLS[name].comparison("adrl,rlpd", 10, tmp_path), task_pool=4, num_envs=8)
+
+    def shown(method: str, seed: int) -> Demonstrations:
+        run = Run.of(config.run(method, seed, tmp_path / method))
+        env = run.make_env(8, randomize=True, task_priority=run.config.task_priority)
+        return collect(env, 64, expert=run.expert, seed=run.learner.seed)
+
+    first, second, other = shown("adrl", 1), shown("rlpd", 1), shown("rlpd", 2)
+    assert np.array_equal(first.observation, second.observation)
+    assert np.array_equal(first.action, second.action)
+    assert not np.array_equal(second.action, other.action)
