@@ -11,6 +11,7 @@ from adrl.commands.progress import console
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError
 from adrl.imitation import BagSummary, BagTopics, Source, collect, read_demonstrations, save_minari
+from adrl.imitation.best_planner import best_planner
 from adrl.imitation.experts import PERFECT
 from adrl.observation import EncoderConfig
 from adrl.outputs import require_folder
@@ -112,6 +113,9 @@ def _from_simulator(options: CollectOptions) -> int:
         encoder=options.encoder,
         task_priority=0.0,
     )
+    planner = best_planner(env)
+    console().print(str(planner))
+    env.expert = planner.controller
     demonstrations = collect(env, options.steps, expert=options.expert, seed=options.seed)
     save_minari(demonstrations, options.out, Source.of(env, expert=options.expert, seed=options.seed))
     console().print(f"{len(demonstrations)} steps, {int(demonstrations.success.sum())} arrivals")

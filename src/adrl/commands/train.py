@@ -8,8 +8,11 @@ from adrl.cli import STARTED_S
 from adrl.commands.options import load_place, tell_guidance
 from adrl.commands.progress import console, progress_bar
 from adrl.commands.run_options import parse_run
+from adrl.json_files import read_json
 from adrl.outputs import require_folder
 from adrl.runs import Run, RunConfig, train
+from adrl.runs.record import PLANNER
+from adrl.runs.train import VERSIONS_FILE
 
 if TYPE_CHECKING:
     from adrl.agents.interface import Progress
@@ -44,7 +47,11 @@ def main(arguments: Sequence[str]) -> int:
         f"{result.env_steps} environment steps, {result.updates} updates, {result.episodes} episodes in "
         f"{result.train_seconds:.1f} s"
     )
-    print(Run.of(config).folder)
+    folder = Run.of(config).folder
+    planner = read_json(folder / VERSIONS_FILE, dict[str, str]).get(PLANNER)
+    if planner is not None:
+        console().print(f"demonstrated by {planner}")
+    print(folder)
     return 0
 
 

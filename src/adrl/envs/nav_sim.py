@@ -17,10 +17,11 @@ from adrl.errors import ConfigError, UnknownName
 from adrl.geometry import wrapped
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.observation.motion import ScanHistory
-from adrl.planning.local_control import LocalControl, dwa_config
+from adrl.planning.local_control import CONTROLLERS, DWA, LocalControl
 from adrl.planning.path_guide import sim_config
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
+from adrl.registry import look_up
 from adrl.rewards import RewardConfig, Step, features, terms
 from adrl.rewards.terms import STAGNATION_WINDOW
 from adrl.simulators import Body
@@ -60,10 +61,13 @@ class NavSim:
         replanner: ReplannerConfig | None = None,
         maturity: float = 0.0,
         taken_as: RobotConfig | None = None,
+        expert: str = DWA,
         num_threads: int = 1,
         body: Body | None = None,
     ) -> None:
-        """num_threads: 0 takes one per core. replanner, maturity: for guidance `replan`, S being the policy's.
+        """replanner, maturity: for guidance `replan`, S being the policy's. num_threads: 0 takes one per core.
+
+        expert: what drives in expert_actions(), of adrl.planning.local_control.CONTROLLERS.
 
         taken_as: the robot as a policy of another one takes it, with speeds and a LiDAR's reach of its own; as it is
         when None. See adrl.deploy.another_robot.as_trained.
@@ -88,7 +92,7 @@ class NavSim:
         self.b = _buffers(num_envs, robot.lidar.num_beams)
         config = sim_config(robot, guidance)
         self.native = _core.BatchSim(num_envs, num_threads, robot.native, config, self.b)
-        self.expert = LocalControl(num_envs, robot, dwa_config(robot), num_threads=self.native.num_threads)
+        self.set_expert(expert)
         self.replanner: Replanner | None = None
         if guidance == "replan":
             self.replanner = Replanner(
@@ -211,8 +215,14 @@ class NavSim:
         self._features = features(step, self.reward)
         return outcome
 
+    def set_expert(self, name: str) -> None:
+        """Let this local controller, of CONTROLLERS, drive in expert_actions() from now on."""
+        config = look_up("controller", name, CONTROLLERS)(self.robot)
+        self.expert = LocalControl(self.num_envs, self.robot, config, num_threads=self.native.num_threads)
+
     def expert_actions(self) -> F32:
-        """(N, 2) actions of A*+DWA in the current states. It knows the world and where discs will be."""
+        """(N, 2) actions of A* and the expert's controller in the current states, which know the world and where discs
+        will be."""
         return self.planned_actions(self.expert)
 
     def planned_actions(self, control: LocalControl) -> F32:
@@ -229,6 +239,7 @@ class NavSim:
             "features": self._features,
             "time_limit_s": self._time_limit_s,
         }
+        own |= {f"expert.{name}": array for name, array in self.expert.b.items()}
         if self._history is not None:
             own |= self._history.arrays
         if self.replanner is not None:
@@ -245,6 +256,8 @@ class NavSim:
         self._displacements = state["displacements"].copy()
         self._features = state["features"].copy()
         self._time_limit_s[:] = state["time_limit_s"]
+        for name, array in self.expert.b.items():
+            array[:] = state.get(f"expert.{name}", 0.0)  # states of before know of no memory
         if self._history is not None:
             for name, array in self._history.arrays.items():
                 array[:] = state[name]

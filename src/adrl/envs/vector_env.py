@@ -17,6 +17,7 @@ from adrl.envs.render import Renderer
 from adrl.envs.task_draws import Generator, Seeds, TaskDraws, TaskPool
 from adrl.errors import ConfigError, UnknownName
 from adrl.observation import EncoderConfig
+from adrl.planning.local_control import DWA
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward, reward_terms
 from adrl.types import ACTION_SIZE, RobotConfig, Scenario, Task
@@ -104,8 +105,8 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             num_threads=num_threads,
             body=body,
         )
+        self._maturity, self._expert = maturity, DWA
         self.sim = self._make_sim(maturity=maturity)
-        self._maturity = maturity
         steps = np.inf if max_episode_steps is None else max_episode_steps
         self._cut_s = steps * self.robot.control_period_s
         self._pool = TaskPool(self.scenario, self.robot, split, task_pool)
@@ -152,6 +153,16 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         self._maturity = value
         if self.sim.replanner is not None:
             self.sim.replanner.maturity = value
+
+    @property
+    def expert(self) -> str:
+        """What drives in expert_actions(): a local controller of adrl.planning.local_control.CONTROLLERS."""
+        return self._expert
+
+    @expert.setter
+    def expert(self, name: str) -> None:
+        self._expert = name
+        self.sim.set_expert(name)
 
     @property
     def np_random(self) -> tuple[Generator, ...]:  # pyright: ignore[reportIncompatibleMethodOverride]
@@ -222,7 +233,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         return observation, terminated, truncated, info
 
     def expert_actions(self) -> F32:
-        """(N, 2) actions of A*+DWA, which knows everything, in the current states."""
+        """(N, 2) actions of A* and the expert, which know everything, in the current states."""
         self._check_begun()
         return self.sim.expert_actions()
 
@@ -249,7 +260,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self.sim = self._make_sim(maturity=self._maturity)
+        self.sim = self._make_sim(maturity=self._maturity, expert=self._expert)
         self._set_sim_state(state["sim"])
 
     def _set_sim_state(self, state: Mapping[str, NDArray[Any]]) -> None:

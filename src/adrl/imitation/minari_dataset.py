@@ -66,7 +66,7 @@ class Source:
             encoder=sim.encoder.config,
             guidance=sim.guidance,
             scenario=env.scenario.name,
-            demonstrator=f"A*+DWA, expert {find_expert(expert)}, with noise",
+            demonstrator=f"A*+{env.expert}, expert {find_expert(expert)}, with noise",
             worlds=tuple(sorted(training_fingerprints(env.scenario))),
             extra={"expert": str(find_expert(expert))} | extra,
         )

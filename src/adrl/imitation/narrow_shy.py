@@ -10,7 +10,7 @@ from adrl import _core
 from adrl.errors import ConfigError
 from adrl.planning.global_planner import Cell, grid_path, inscribed_radius_m, nearest_free, shorten
 from adrl.planning.grid import MAX_RESOLUTION_M, FreeSpace, free_space, inflation_m, planning_grid
-from adrl.planning.local_control import LocalControl, dwa_config
+from adrl.planning.local_control import LocalControl, near_config
 from adrl.planning.path_guide import sim_config
 from adrl.types import Array, RobotConfig, Task
 
@@ -37,10 +37,9 @@ class ShyPaths:
             )
         self._env, self._width_m = env, width_m
         self._b = sim.b | {name: sim.b[name].copy() for name in WRITTEN}
-        config = dwa_config(robot)
         # A way round an obstacle, half the width off it, is longer than this: the point to head for is never seen
         # through a gap that the way goes round.
-        config.lookahead_m = min(config.lookahead_m, width_m)
+        config = near_config(env.expert, robot, width_m)
         self._control = LocalControl(env.num_envs, robot, config, num_threads=sim.num_threads)
         self._guide = _core.BatchSim(
             env.num_envs, sim.num_threads, robot.native, sim_config(robot, "goal"), self._b

@@ -1,5 +1,6 @@
 """Local controllers of N robots: what drives along a path, knowing the world or a map of the robot's own."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,18 @@ def dwa_config(robot: RobotConfig) -> "_core.DwaConfig":
     """The dynamic window approach for this robot."""
     config = _core.DwaConfig()
     config.lookahead_m = local_lookahead_m(robot)
+    return config
+
+
+DWA = "dwa"
+CONTROLLERS: dict[str, Callable[[RobotConfig], ControllerConfig]] = {DWA: dwa_config}
+"""name -> its constants for a robot, in the order of what a decision costs."""
+
+
+def near_config(name: str, robot: RobotConfig, lookahead_m: float) -> ControllerConfig:
+    """Constants of a controller that heads for no point farther ahead than that."""
+    config = dwa_config(robot)
+    config.lookahead_m = min(config.lookahead_m, lookahead_m)
     return config
 
 

@@ -11,26 +11,31 @@ from adrl.agents.methods import method_name
 from adrl.deploy.policy import PolicyConfig
 from adrl.deploy.training_worlds import training_worlds
 from adrl.imitation import recorded_worlds
+from adrl.imitation.best_planner import Trial
 from adrl.simulators import NATIVE
 from adrl.worlds.given import training_fingerprints
 
 if TYPE_CHECKING:
     from adrl.runs.run import Run
 
+PLANNER = "planner"
+"""Entry of versions and of a policy's environment: what drove for the expert."""
 VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "gymnasium", "safetensors")
 
 
-def versions() -> dict[str, str]:
-    """What the run was made with."""
-    return {"python": platform.python_version(), "machine": platform.machine()} | {
-        name: metadata.version(name) for name in VERSIONED
-    }
+def versions(planner: Trial | None = None) -> dict[str, str]:
+    """What the run was made with; planner: how the planner of its demonstrations drove."""
+    made = {"python": platform.python_version(), "machine": platform.machine()}
+    made |= {name: metadata.version(name) for name in VERSIONED}
+    return made if planner is None else made | {PLANNER: str(planner)}
 
 
-def about_policy(run: "Run", setup_seconds: Mapping[str, float] | None = None) -> PolicyConfig:
+def about_policy(
+    run: "Run", planner: Trial | None = None, setup_seconds: Mapping[str, float] | None = None
+) -> PolicyConfig:
     """What is saved with the policy; the learner fills in the sizes and what training took.
 
-    setup_seconds: wall clock of what came before the first update, told apart.
+    planner: of the demonstrations. setup_seconds: wall clock of what came before the first update, told apart.
     """
     config, learner, name = run.config, run.learner, method_name(run.config.method)
     settings = asdict(replace(config, robot=run.robot.name, guidance=run.guidance))
@@ -52,6 +57,7 @@ def about_policy(run: "Run", setup_seconds: Mapping[str, float] | None = None) -
                 "randomize": config.randomize and config.env == NATIVE,
                 **({"simulator": config.env} if config.env != NATIVE else {}),
                 **({"fine_tune": str(config.fine_tune)} if config.fine_tune is not None else {}),
+                **({PLANNER: planner.controller} if planner is not None else {}),
                 **_worlds(run),
                 "replanner": asdict(run.replanner),
             },

@@ -15,6 +15,7 @@ from adrl.envs import NavVectorEnv, Setting
 from adrl.evaluation.metrics import success_rate
 from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Expert, find_expert
+from adrl.imitation.best_planner import Trial
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards.step import reference_period_s
@@ -80,9 +81,9 @@ class Run:
         }
         return NavVectorEnv(num_envs, **given | options)
 
-    def about_policy(self, **setup_seconds: float) -> PolicyConfig:
+    def about_policy(self, planner: Trial | None = None, **setup_seconds: float) -> PolicyConfig:
         """What is saved with the policy; see about_policy."""
-        return about_policy(self, setup_seconds)
+        return about_policy(self, planner, setup_seconds)
 
     def validation(self) -> Callable[[MlpPolicy, float], Validation]:
         """Drives the first validation tasks, drawn when first asked for."""

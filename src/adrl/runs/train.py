@@ -16,6 +16,7 @@ from adrl.deploy.policy import WEIGHTS_FILE
 from adrl.envs import Body, NavVectorEnv
 from adrl.errors import AdrlError, ConfigError
 from adrl.imitation import Demonstrations, Source, collect, load_minari
+from adrl.imitation.best_planner import best_planner
 from adrl.imitation.probe import Probe, as_shown, probe_steps, record_probe
 from adrl.outputs import locked, require_folder
 from adrl.runs.config import RunConfig
@@ -120,17 +121,23 @@ def _train(
     """The run in its environment."""
     began_s = time.monotonic()
     tell("demonstrations")
+    probed = run.learner.measures_maturity and run.learner.schedule.needs_probe
+    planner = best_planner(env) if probed or run.learner.schedule.imitates else None
+    if planner is not None:
+        env.expert = planner.controller
     demonstrations = _demonstrations(run, env) if run.learner.schedule.imitates else None
     demonstrated_s = time.monotonic()
     probe = None
-    if run.learner.measures_maturity and run.learner.schedule.needs_probe:
+    if probed:
         tell("probe")
-        probe = _probe(run, demonstrations)
+        probe = _probe(run, env.expert, demonstrations)
     about = run.about_policy(
-        demonstration_seconds=demonstrated_s - began_s, probe_seconds=time.monotonic() - demonstrated_s
+        planner=planner,
+        demonstration_seconds=demonstrated_s - began_s,
+        probe_seconds=time.monotonic() - demonstrated_s,
     )
     if not resumed:
-        files.write_json(run.folder / VERSIONS_FILE, versions())
+        files.write_json(run.folder / VERSIONS_FILE, versions(planner))
 
     from adrl.agents.train import train as learn
 
@@ -154,13 +161,14 @@ def _train(
         )
 
 
-def _probe(run: Run, demonstrations: Demonstrations | None) -> Probe:
+def _probe(run: Run, planner: str, demonstrations: Demonstrations | None) -> Probe:
     """What chance earns, and the demonstrations: their expert's own drives from the probe's states, or theirs where
     these are all there is.
     """
     # Few tasks: a random policy's crashes would call for ever new ones, each to be made.
     task_pool = min(run.config.task_pool, PROBE_STATES)
     env = run.make_env(2 * PROBE_STATES, randomize=False, task_pool=task_pool)
+    env.expert = planner
     seed, steps = run.learner.seed, probe_steps(run.learner.td3.gamma)
     probe = record_probe(env, seed, steps, run.expert.driver(env, seed).actions)
     no_more = run.config.dataset is not None or getattr(run.expert, "drives", None) is not None
