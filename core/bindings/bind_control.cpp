@@ -25,7 +25,7 @@ std::unique_ptr<BoundControl> make_control(int num_robots, int num_threads, cons
     setup.limits.max_yaw_acceleration = yaw_acceleration;
     setup.limits.lag_s = lag_s;
     const auto n = static_cast<std::size_t>(num_robots);
-    const auto size = static_cast<std::size_t>(make_controller(controller)->memory_size());
+    const auto size = static_cast<std::size_t>(control_memory(controller));
     double *memory = buffer<double>(buffers, "memory", {n, size});
     return std::unique_ptr<BoundControl>(new BoundControl{LocalControl(num_robots, num_threads, setup, memory),
                                                           num_threads,
@@ -44,9 +44,19 @@ void bind_control(nb::module_ &m) {
         .def_rw("comfort_weight", &DwaConfig::comfort_weight)
         .def_rw("heading_weight", &DwaConfig::heading_weight)
         .def_rw("hit_weight", &DwaConfig::hit_weight);
-    m.def(
-        "control_memory", [](const ControllerConfig &controller) { return make_controller(controller)->memory_size(); },
-        nb::arg("controller"));
+    nb::class_<PursuitConfig>(m, "PursuitConfig")
+        .def(nb::init<>())
+        .def_rw("lookahead_time", &PursuitConfig::lookahead_time)
+        .def_rw("min_lookahead_dist", &PursuitConfig::min_lookahead_dist)
+        .def_rw("max_lookahead_dist", &PursuitConfig::max_lookahead_dist)
+        .def_rw("rotate_to_heading_min_angle", &PursuitConfig::rotate_to_heading_min_angle)
+        .def_rw("regulated_linear_scaling_min_radius", &PursuitConfig::regulated_linear_scaling_min_radius)
+        .def_rw("regulated_linear_scaling_min_speed", &PursuitConfig::regulated_linear_scaling_min_speed)
+        .def_rw("cost_scaling_dist", &PursuitConfig::cost_scaling_dist)
+        .def_rw("cost_scaling_gain", &PursuitConfig::cost_scaling_gain)
+        .def_rw("max_allowed_time_to_collision", &PursuitConfig::max_allowed_time_to_collision)
+        .def_rw("margin_m", &PursuitConfig::margin_m);
+    m.def("control_memory", &control_memory, nb::arg("controller"));
     nb::class_<BoundControl>(m, "LocalControl")
         .def(nb::new_(&make_control), nb::arg("num_robots"), nb::arg("num_threads"), nb::arg("robot"),
              nb::arg("response"), nb::arg("controller"), nb::arg("foresee"), nb::arg("buffers"));

@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "arrays.hpp"
+#include "bound_control.hpp"
 #include "buffers.hpp"
 #include "planning/replanner.hpp"
 
@@ -106,12 +107,50 @@ void observe(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &p
     self.native.observe(mask.data(), pose.data(), ranges.data());
 }
 
+using Corners = Out<double, nb::shape<-1, kRouteCorners, 2>>;
+using Counts = Out<std::int32_t, nb::shape<-1>>;
+
+RouteCorners corners_of(const BoundReplanner &self, Corners &corners, Counts &counts) {
+    self.require_rows(corners.shape(0), "corners");
+    self.require_rows(counts.shape(0), "counts");
+    return {corners.data(), counts.data()};
+}
+
 void plan(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose, const In<double, Rows2> &goal) {
     self.require_rows(mask.shape(0), "mask");
     self.require_points(mask, pose, "pose");
     self.require_points(mask, goal, "goal");
     const nb::gil_scoped_release release;
     self.native.plan(mask.data(), pose.data(), goal.data());
+}
+
+void plan_routes(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose, const In<double, Rows2> &goal,
+                 Corners corners, Counts counts) {
+    self.require_rows(mask.shape(0), "mask");
+    self.require_points(mask, pose, "pose");
+    self.require_points(mask, goal, "goal");
+    const RouteCorners routes = corners_of(self, corners, counts);
+    const nb::gil_scoped_release release;
+    self.native.plan(mask.data(), pose.data(), goal.data(), &routes);
+}
+
+void drive_routes(BoundReplanner &self, BoundControl &control, const Flat8 &mask, const In<double, Rows3> &pose,
+                  const In<double, Rows2> &twist, Corners corners, Counts counts, Out<double, nb::shape<-1>> along,
+                  Out<double, Rows2> out) {
+    self.require_rows(mask.shape(0), "mask");
+    self.require_points(mask, pose, "pose");
+    self.require_points(mask, twist, "twist");
+    self.require_rows(along.shape(0), "along");
+    self.require_rows(out.shape(0), "out");
+    self.require_rows(static_cast<std::size_t>(control.native.num_robots()), "control");
+    if (control.num_threads < self.native.pool().size()) throw nb::value_error("control: of as many threads");
+    const RouteCorners routes = corners_of(self, corners, counts);
+    for (std::size_t i = 0; i < self.robots(); ++i) {
+        if (mask.data()[i] && (routes.count[i] < 1 || routes.count[i] > kRouteCorners))
+            throw nb::value_error(("counts: a route has 1 to " + std::to_string(kRouteCorners) + " corners").c_str());
+    }
+    const nb::gil_scoped_release release;
+    control.native.on_maps(self.native, mask.data(), pose.data(), twist.data(), routes, along.data(), out.data());
 }
 
 void see(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose, const In<double, Rows2> &point,
@@ -197,8 +236,14 @@ void bind_replanner(nb::module_ &m) {
         .def("observe", &observe, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(),
              nb::arg("ranges").noconvert())
         .def("plan", &plan, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(), nb::arg("goal").noconvert())
+        .def("plan_routes", &plan_routes, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(),
+             nb::arg("goal").noconvert(), nb::arg("corners").noconvert(), nb::arg("counts").noconvert())
+        .def("drive", &drive_routes, nb::arg("control"), nb::arg("mask").noconvert(), nb::arg("pose").noconvert(),
+             nb::arg("twist").noconvert(), nb::arg("corners").noconvert(), nb::arg("counts").noconvert(),
+             nb::arg("along").noconvert(), nb::arg("out").noconvert())
         .def("see", &see, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(), nb::arg("point").noconvert(),
              nb::arg("distance_m"), nb::arg("known"), nb::arg("out").noconvert());
+    m.attr("ROUTE_CORNERS") = kRouteCorners;
     m.attr("MAX_CLEARANCE_CELLS") = RoutePlanner::kMaxReach;
     m.attr("MAX_DENSITY_WEIGHT") = RoutePlanner::kMaxWeight;
     m.attr("MAX_TURN_COST_M") = RoutePlanner::kMaxTurn;

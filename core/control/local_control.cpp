@@ -2,6 +2,8 @@
 
 #include <utility>
 
+#include "control/recovery.hpp"
+
 namespace adrl {
 namespace {
 
@@ -10,8 +12,11 @@ constexpr double kRouteWindow = 3.0; // the robot is looked for so far ahead of 
 } // namespace
 
 std::unique_ptr<LocalController> make_controller(const ControllerConfig &config) {
-    return make_dwa(std::get<DwaConfig>(config));
+    if (const auto *dwa = std::get_if<DwaConfig>(&config)) return make_dwa(*dwa);
+    return make_pure_pursuit(std::get<PursuitConfig>(config));
 }
+
+int control_memory(const ControllerConfig &config) { return kRecoveryMemory + make_controller(config)->memory_size(); }
 
 class LocalControl::Borrowed {
   public:
@@ -38,8 +43,9 @@ LocalControl::LocalControl(int num_robots, int num_threads, ControlSetup setup, 
     for (int k = 0; k < num_threads; ++k) {
         stock_.push_back(std::make_unique<Scratch>());
         stock_.back()->controller = make_controller(setup_.controller);
+        stock_.back()->path.reserve(kRouteCorners);
     }
-    memory_size_ = stock_.front()->controller->memory_size();
+    memory_size_ = control_memory(setup_.controller);
 }
 
 Twist LocalControl::in_world(int i, const World &world, const Path &path, double along, const DriveLimits &limits,
@@ -51,22 +57,34 @@ Twist LocalControl::in_world(int i, const World &world, const Path &path, double
     return decide(i, scratch, limits, pose, twist, path, along);
 }
 
-Twist LocalControl::on_map(int i, const std::int8_t *log_odds, const WindowShape &shape, const WindowOrigin &origin,
-                           const OwnRoute &route, const Pose &pose, const Twist &twist) {
-    Borrowed borrowed(*this);
-    Scratch &scratch = *borrowed;
-    const double reach = scratch.controller->reach(setup_.footprint, setup_.limits, setup_.dt_s);
-    scratch.obstacles.gather(log_odds, shape, origin, pose, reach);
-    scratch.path.assign({route.corners, 2 * static_cast<std::size_t>(route.count)});
-    *route.along = scratch.path.project({pose.x, pose.y}, *route.along, *route.along + kRouteWindow);
-    return decide(i, scratch, setup_.limits, pose, twist, scratch.path, *route.along);
+void LocalControl::on_maps(Replanner &maps, const std::uint8_t *mask, const double *pose, const double *twist,
+                           const RouteCorners &routes, double *along, double *out) {
+    const auto decide_one = [&](int i) {
+        Borrowed borrowed(*this);
+        Scratch &scratch = *borrowed;
+        const Pose at{pose[3 * i], pose[3 * i + 1], pose[3 * i + 2]};
+        const double reach = scratch.controller->reach(setup_.footprint, setup_.limits, setup_.dt_s);
+        scratch.obstacles.gather(maps.window(i), maps.shape(), maps.origin(i), at, reach);
+        scratch.path.assign(routes.of(i));
+        along[i] = scratch.path.project({at.x, at.y}, along[i], along[i] + kRouteWindow);
+        const Twist command =
+            decide(i, scratch, setup_.limits, at, {twist[2 * i], twist[2 * i + 1]}, scratch.path, along[i]);
+        out[2 * i] = command.v;
+        out[2 * i + 1] = command.w;
+    };
+    maps.pool().run(num_robots_, [mask, &decide_one](int first, int last) {
+        for (int i = first; i < last; ++i) {
+            if (mask[i]) decide_one(i);
+        }
+    });
 }
 
 Twist LocalControl::decide(int i, Scratch &scratch, const DriveLimits &limits, const Pose &pose, const Twist &twist,
                            const Path &path, double along) {
     const Situation now{scratch.obstacles, setup_.footprint, limits, pose, twist, path, along, setup_.dt_s};
     double *memory = memory_ + static_cast<std::ptrdiff_t>(i) * memory_size_;
-    return clip_command(scratch.controller->command(now, memory), limits);
+    const Twist chosen = scratch.controller->command(now, memory + kRecoveryMemory);
+    return clip_command(recover(now, chosen, memory), limits);
 }
 
 } // namespace adrl

@@ -9,12 +9,16 @@
 
 #include "control/controller.hpp"
 #include "control/dwa.hpp"
+#include "control/pure_pursuit.hpp"
+#include "planning/replanner.hpp"
 
 namespace adrl {
 
-using ControllerConfig = std::variant<DwaConfig>;
+using ControllerConfig = std::variant<DwaConfig, PursuitConfig>;
 
 std::unique_ptr<LocalController> make_controller(const ControllerConfig &config);
+// Numbers that are remembered of a robot.
+int control_memory(const ControllerConfig &config);
 
 struct ControlSetup {
     Footprint footprint;
@@ -24,16 +28,9 @@ struct ControlSetup {
     ControllerConfig controller;
 };
 
-// A route of a robot's own: corners x0, y0, x1, y1, ..., and how far along it the robot was.
-struct OwnRoute {
-    const double *corners;
-    int count;
-    double *along;
-};
-
 class LocalControl {
   public:
-    // memory (N, memory_size()): all that changes, owned by the caller; zeros for robots that have just started.
+    // memory (N, control_memory()): all that changes, owned by the caller; zeros for robots that have just started.
     // Decisions of at most num_threads robots are made at once.
     LocalControl(int num_robots, int num_threads, ControlSetup setup, double *memory);
 
@@ -41,9 +38,10 @@ class LocalControl {
     // Robot i on a path in a known world. limits: of its base, as it is today.
     Twist in_world(int i, const World &world, const Path &path, double along, const DriveLimits &limits,
                    const Pose &pose, const Twist &twist, double time_s);
-    // Robot i on a route of its own, in a window of log-odds of its own.
-    Twist on_map(int i, const std::int8_t *log_odds, const WindowShape &shape, const WindowOrigin &origin,
-                 const OwnRoute &route, const Pose &pose, const Twist &twist);
+    // The robots of the mask (N) on routes of their own, in maps of their own: commands into out (N, 2). along (N): how
+    // far along its route each has come. pose (N, 3), twist (N, 2).
+    void on_maps(Replanner &maps, const std::uint8_t *mask, const double *pose, const double *twist,
+                 const RouteCorners &routes, double *along, double *out);
 
   private:
     struct Scratch {

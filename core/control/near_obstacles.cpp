@@ -134,6 +134,20 @@ int NearObstacles::place_discs(double after_s) {
     return all;
 }
 
+double NearObstacles::clearance(const Footprint &footprint, const Pose &at, double limit, double after_s) {
+    const int all = place_discs(after_s);
+    const double c = std::cos(at.theta), s = std::sin(at.theta);
+    double least = limit;
+    for (int k = 0; k < all; ++k) {
+        const Vec2 a = Vec2{ax[k], ay[k]} - Vec2{at.x, at.y};
+        const Vec2 b = a + Vec2{ex[k], ey[k]};
+        if (origin_to_segment(a, b) - radius[k] - footprint.radius >= least) continue;
+        const auto turned = [&](Vec2 p) { return Vec2{c * p.x + s * p.y, c * p.y - s * p.x}; };
+        least = std::min(least, distance_to_segment(footprint, turned(a), turned(b)) - radius[k]);
+    }
+    return least;
+}
+
 bool NearObstacles::corridor_free(Vec2 from, Vec2 to, double width) const {
     for (int k = 0; k < count_; ++k) {
         const Vec2 a{ax[k], ay[k]};

@@ -2,6 +2,7 @@
 // of the robot's own.
 #pragma once
 
+#include "drive/collision.hpp"
 #include "planning/occupancy.hpp"
 #include "world/world.hpp"
 
@@ -23,6 +24,9 @@ class NearObstacles {
     int count() const { return count_; }
     // Puts the moving discs where they will be after `after_s`, behind the others: the number of all.
     int place_discs(double after_s);
+    // Distance from the footprint's edge to the nearest obstacle after `after_s`, at most `limit`; 0 or less where they
+    // overlap. at: relative to the robot's position.
+    double clearance(const Footprint &footprint, const Pose &at, double limit, double after_s);
     // Whether a disc can slide from `from` to `to`, both relative to the robot, without touching what stands still.
     bool corridor_free(Vec2 from, Vec2 to, double radius) const;
 

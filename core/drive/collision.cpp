@@ -207,6 +207,10 @@ double distance_to_point(const Footprint &footprint, Vec2 point) {
     return footprint.is_disc() ? norm(point) - footprint.radius : to_point(place(footprint, {}), point);
 }
 
+double distance_to_segment(const Footprint &footprint, Vec2 a, Vec2 b) {
+    return footprint.is_disc() ? origin_to_segment(a, b) - footprint.radius : to_segment(place(footprint, {}), a, b);
+}
+
 bool corridor_free(const World &world, Vec2 from, Vec2 to, double radius) {
     constexpr double kLeastStep = 0.02; // metres; smaller steps only matter to a line that grazes an obstacle
     const Vec2 line = to - from;

@@ -23,6 +23,10 @@ double clearance(const World &world, const DiscPlaces &discs, const Footprint &f
 // Distance from the footprint's edge to a point in the robot's frame; 0 or less, of a polygon 0, when it is inside.
 double distance_to_point(const Footprint &footprint, Vec2 point);
 
+// Distance from the footprint's edge to the segment a-b in the robot's frame; 0 or less, of a polygon 0, where they
+// meet.
+double distance_to_segment(const Footprint &footprint, Vec2 a, Vec2 b);
+
 // Whether a disc can slide along the straight line from a to b without touching anything that stands still.
 bool corridor_free(const World &world, Vec2 from, Vec2 to, double radius);
 

@@ -4,6 +4,11 @@
 
 namespace adrl {
 
+void Path::reserve(int points) {
+    points_.reserve(points);
+    along_.reserve(points);
+}
+
 void Path::assign(std::span<const double> points) {
     points_.clear();
     along_.clear();

@@ -13,7 +13,8 @@ class Path {
     Path() = default;
     // Corner points x0, y0, x1, y1, ...; at least one.
     explicit Path(std::span<const double> points) { assign(points); }
-    // Other points; allocates for the first so many only.
+    void reserve(int points);
+    // Other points; allocates nothing for as many as are reserved.
     void assign(std::span<const double> points);
 
     double length() const { return along_.back(); }

@@ -78,16 +78,19 @@ void Replanner::observe(const std::uint8_t *mask, const double *pose, const floa
     });
 }
 
-void Replanner::plan(const std::uint8_t *mask, const double *pose, const double *goal) {
+void Replanner::plan(const std::uint8_t *mask, const double *pose, const double *goal, const RouteCorners *routes) {
+    const auto one = [&](int i, RoutePlanner &planner) {
+        plan_one(i, planner, pose_at(pose, i), point_at(goal, i), routes);
+    };
     pool_.run(num_robots_, [&](int first, int last) {
         Borrowed scratch(*this);
         for (int i = first; i < last; ++i) {
-            if (mask[i]) plan_one(i, scratch->planner, pose_at(pose, i), point_at(goal, i));
+            if (mask[i]) one(i, scratch->planner);
         }
     });
 }
 
-void Replanner::plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 goal) {
+void Replanner::plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 goal, const RouteCorners *routes) {
     const WindowOrigin window = origin(i);
     const Cell start = cell_of({pose.x, pose.y}, setup_.shape, window);
     const Route route = planner.plan(cells(i), start, cell_of(goal, setup_.shape, window), pose.theta);
@@ -101,6 +104,20 @@ void Replanner::plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 go
     b_.waypoint[2 * i + 1] = chosen.point.y;
     b_.route[i] = chosen.route;
     b_.found[i] = route.reached ? 1 : 2;
+    if (routes == nullptr) return;
+    double *out = routes->points + static_cast<std::ptrdiff_t>(i) * 2 * kRouteCorners;
+    int count = 0;
+    const auto add = [&](Vec2 p) {
+        if (count == kRouteCorners) return;
+        out[2 * count] = p.x;
+        out[2 * count++ + 1] = p.y;
+    };
+    add({pose.x, pose.y});
+    const std::vector<Cell> &cells = *route.cells;
+    walk_taut(planner, cells, [&](std::size_t, std::size_t b) {
+        add(b + 1 == cells.size() && route.reached ? goal : centre_of(cells[b], setup_.shape, window));
+    });
+    routes->count[i] = count;
 }
 
 void Replanner::see(const std::uint8_t *mask, const double *pose, const double *point, double distance, bool known,

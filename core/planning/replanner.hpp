@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <vector>
 
 #include "planning/occupancy.hpp"
@@ -34,6 +35,17 @@ struct ReplannerBuffers {
     std::uint8_t *found;   // (N) 0 no route, 1 to the goal, 2 to the reachable cell nearest to it
 };
 
+inline constexpr int kRouteCorners = 64; // of a route, at most; a longer one is cut off
+
+// Routes pulled taut, from the robots to their ends.
+struct RouteCorners {
+    double *points;      // (N, kRouteCorners, 2) metres
+    std::int32_t *count; // (N)
+    std::span<const double> of(int i) const {
+        return {points + static_cast<std::ptrdiff_t>(i) * 2 * kRouteCorners, 2 * static_cast<std::size_t>(count[i])};
+    }
+};
+
 class Replanner {
   public:
     Replanner(int num_robots, int num_threads, const Beams &beams, const ReplannerSetup &setup,
@@ -41,12 +53,16 @@ class Replanner {
 
     int num_robots() const { return num_robots_; }
     int num_beams() const { return num_beams_; }
+    ThreadPool &pool() { return pool_; }
+    const WindowShape &shape() const { return setup_.shape; }
+    const std::int8_t *window(int i) const { return cells(i); }
+    WindowOrigin origin(int i) const { return {b_.origin[2 * i], b_.origin[2 * i + 1]}; }
     // Forgets what the robots of the mask (N) have seen and puts them, at poses (N, 3), in their windows' middles.
     void restart(const std::uint8_t *mask, const double *pose);
     // Enters scans (N, K) taken at poses (N, 3).
     void observe(const std::uint8_t *mask, const double *pose, const float *ranges);
-    // Plans to goals (N, 2): waypoint, route and found.
-    void plan(const std::uint8_t *mask, const double *pose, const double *goal);
+    // Plans to goals (N, 2): waypoint, route and found, and the routes themselves where they are wanted.
+    void plan(const std::uint8_t *mask, const double *pose, const double *goal, const RouteCorners *routes = nullptr);
     // out (N): whether the straight line from the robot towards a point (N, 2) is free of what has been seen, for at
     // most `distance` metres of it; with `known`, also whether all of that line has been seen. Robots off the mask are
     // left alone.
@@ -60,11 +76,10 @@ class Replanner {
     };
     class Borrowed; // a scratch of the stock, put back at the end
 
-    void plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 goal);
+    void plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 goal, const RouteCorners *routes);
     std::int8_t *cells(int i) const {
         return b_.log_odds + static_cast<std::size_t>(i) * setup_.shape.height * setup_.shape.width;
     }
-    WindowOrigin origin(int i) const { return {b_.origin[2 * i], b_.origin[2 * i + 1]}; }
     void store_origin(int i, const WindowOrigin &o) {
         b_.origin[2 * i] = o.row;
         b_.origin[2 * i + 1] = o.column;

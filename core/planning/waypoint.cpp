@@ -16,10 +16,7 @@ struct Chooser {
     const Pose &robot;
     Vec2 goal;
 
-    Vec2 centre(Cell c) const {
-        return {(static_cast<double>(origin.column + c.column) + 0.5) * shape.resolution,
-                (static_cast<double>(origin.row + c.row) + 0.5) * shape.resolution};
-    }
+    Vec2 centre(Cell c) const { return centre_of(c, shape, origin); }
 
     double obstacle_density(Vec2 p) const {
         const auto row = static_cast<std::int64_t>(std::floor(p.y / shape.resolution)) - origin.row;
@@ -57,28 +54,6 @@ struct Chooser {
         return 1.0 / (1.0 + costs.k_obstacle * planner.obstacle_density(cells[k].row, cells[k].column) +
                       costs.k_goal * goal_proximity(p) + costs.k_turn * turn / std::numbers::pi);
     }
-
-    // Length of the route walked from corner to corner, each the farthest cell seen from the last; every second cell is
-    // tried.
-    double taut_length(const std::vector<Cell> &cells) const {
-        const auto is_free = [&](int row, int column) { return planner.is_free(row, column); };
-        const auto point = [&](std::size_t k) { return GridPoint{1.0 * cells[k].row, 1.0 * cells[k].column}; };
-        const std::size_t last = cells.size() - 1;
-        double length = 0.0;
-        std::size_t corner = 0;
-        std::size_t seen = 0;
-        const auto walk_to = [&](std::size_t k) {
-            length += std::hypot(point(k).row - point(corner).row, point(k).column - point(corner).column);
-            corner = k;
-        };
-        while (seen < last) {
-            const std::size_t next = std::min(last, seen + 2);
-            if (next > corner + 2 && !straight_free(is_free, point(corner), point(next))) walk_to(seen);
-            seen = next;
-        }
-        walk_to(last);
-        return length * shape.resolution;
-    }
 };
 
 } // namespace
@@ -91,7 +66,11 @@ Waypoint choose_waypoint(const RoutePlanner &planner, const RouteCosts &costs, c
     const Vec2 from{robot.x, robot.y};
     const std::size_t last = cells.size() - 1;
     const auto place = [&](std::size_t k) { return k == last && route.reached ? goal : chooser.centre(cells[k]); };
-    Waypoint best{place(last), chooser.taut_length(cells)};
+    double length = 0.0;
+    walk_taut(planner, cells, [&](std::size_t a, std::size_t b) {
+        length += norm(chooser.centre(cells[b]) - chooser.centre(cells[a]));
+    });
+    Waypoint best{place(last), length};
     double least = std::numeric_limits<double>::infinity();
     double along = 0.0;
     double sum = 0.0;

@@ -119,7 +119,23 @@ class DwaConfig:
     heading_weight: float
     hit_weight: float
 
-def control_memory(controller: DwaConfig) -> int:
+class PursuitConfig:
+    """Regulated pure pursuit; see pure_pursuit.hpp for the meaning of its constants."""
+
+    lookahead_time: float
+    min_lookahead_dist: float
+    max_lookahead_dist: float
+    rotate_to_heading_min_angle: float
+    regulated_linear_scaling_min_radius: float
+    regulated_linear_scaling_min_speed: float
+    cost_scaling_dist: float
+    cost_scaling_gain: float
+    max_allowed_time_to_collision: float
+    margin_m: float
+
+ControllerConfig = DwaConfig | PursuitConfig
+
+def control_memory(controller: ControllerConfig) -> int:
     """M: numbers that such a controller remembers of a robot."""
 
 class LocalControl:
@@ -132,7 +148,7 @@ class LocalControl:
         num_threads: int,
         robot: Robot,
         response: tuple[float, float, float],
-        controller: DwaConfig,
+        controller: ControllerConfig,
         foresee: bool,
         buffers: dict[str, NDArray[Any]],
     ) -> None: ...
@@ -271,10 +287,26 @@ class Replanner:
         """Enter scans (N, K)."""
     def plan(self, mask: U8, pose: F64, goal: F64) -> None:
         """Write waypoint, route and found on the way to goals (N, 2). found 0 leaves the other two as they were."""
+    def plan_routes(self, mask: U8, pose: F64, goal: F64, corners: F64, counts: NDArray[np.int32]) -> None:
+        """The same, and the routes pulled taut into corners (N, ROUTE_CORNERS, 2), counts (N) of them."""
+    def drive(
+        self,
+        control: LocalControl,
+        mask: U8,
+        pose: F64,
+        twist: F64,
+        corners: F64,
+        counts: NDArray[np.int32],
+        along: F64,
+        out: F64,
+    ) -> None:
+        """Commands (v, w) into out (N, 2) along such routes among what is mapped. along (N): how far along each its
+        robot has come; 0 for a new one."""
     def see(self, mask: U8, pose: F64, point: F64, distance_m: float, known: bool, out: U8) -> None:
         """Write into out (N) whether nothing solid is in a robot's way straight to a point (N, 2), for at most
         distance_m of it; known: and all of the line has been seen."""
 
+ROUTE_CORNERS: int
 MAX_CLEARANCE_CELLS: int
 """What inflation_m and comfort_m may sum to, in cells; ValueError beyond it."""
 MAX_DENSITY_WEIGHT: float

@@ -1,18 +1,18 @@
-"""A*+DWA: a global path on the known map, followed by the dynamic window approach."""
+"""A*+DWA: a global path, followed by the dynamic window approach."""
 
-import numpy as np
-from numpy.typing import NDArray
-
-from adrl.envs import NavSim
+from adrl.baselines.classical import ClassicalPolicy
+from adrl.planning.local_control import dwa_config
 
 
-class AStarDwaPolicy:
-    """A*+DWA with the true map: the path is planned when the task is made, discs are foreseen."""
+class AStarDwaPolicy(ClassicalPolicy):
+    """A* and the dynamic window approach; with the true map discs are foreseen."""
 
-    name = method = "astar-dwa"
-    guidance = "map"
-    training_worlds: tuple[str, ...] = ()
+    name = "astar-dwa"
+    controller = staticmethod(dwa_config)
 
-    def act_in(self, sim: NavSim) -> NDArray[np.float32]:
-        """(N, 2) actions in the simulator's current state."""
-        return sim.expert_actions()
+
+class AStarDwaStaticPolicy(AStarDwaPolicy):
+    """The same, discs not foreseen."""
+
+    name = "astar-dwa-static"
+    foresee = False

@@ -3,9 +3,13 @@
 from collections.abc import Callable
 from typing import Any
 
-from adrl.baselines.astar_dwa import AStarDwaPolicy
+from adrl.baselines.astar_dwa import AStarDwaPolicy, AStarDwaStaticPolicy
+from adrl.baselines.astar_pursuit import AStarPursuitPolicy, AStarPursuitStaticPolicy
 
 PLANNER = "astar-dwa"
 """The reference of comparisons."""
-PLANNERS: dict[str, Callable[[], Any]] = {PLANNER: AStarDwaPolicy}
+PLANNERS: dict[str, Callable[[], Any]] = {
+    policy.name: policy
+    for policy in (AStarDwaPolicy, AStarDwaStaticPolicy, AStarPursuitPolicy, AStarPursuitStaticPolicy)
+}
 """name -> what makes it: a policy as adrl.types.Policy has it, or one with act_in(simulator), which knows the world."""

@@ -59,7 +59,7 @@ class ResolvedPolicy:
 
     @property
     def knows_the_world(self) -> bool:
-        """It plans on the true map, and drives in simulators only."""
+        """It takes a simulator in place of observations, as the planners do, and drives in simulators only."""
         return hasattr(self.policy, "act_in")
 
     def require_guidance(self, guidance: str | None) -> str:
@@ -67,10 +67,11 @@ class ResolvedPolicy:
         chosen = guidance or self.guidance
         if chosen not in GUIDANCE:
             raise UnknownName("guidance", chosen, GUIDANCE)
-        if self.knows_the_world and chosen != "map":
+        possible = getattr(self.policy, "guidances", ("map",) if self.knows_the_world else GUIDANCE)
+        if chosen not in possible:
             raise ConfigError(
-                f"policy {self.name} plans on the true map, so guidance {chosen} would say what is not so; "
-                "leave guidance out, or give map"
+                f"policy {self.name} plans its way, so guidance {chosen} would say what is not so; "
+                f"leave guidance out, or give {' or '.join(possible)}"
             )
         return chosen
 

@@ -62,6 +62,7 @@ class NavSim:
         maturity: float = 0.0,
         taken_as: RobotConfig | None = None,
         expert: str = DWA,
+        plans_itself: bool = False,
         num_threads: int = 1,
         body: Body | None = None,
     ) -> None:
@@ -71,6 +72,7 @@ class NavSim:
 
         taken_as: the robot as a policy of another one takes it, with speeds and a LiDAR's reach of its own; as it is
         when None. See adrl.deploy.another_robot.as_trained.
+        plans_itself: the policy makes its own routes, and with guidance `replan` no replanner makes any.
         body: moves and senses the robots instead of our simulator; of the randomization it knows nothing. Raises
         UnknownName for a guidance that does not exist, ConfigError for a body with fewer robots.
         """
@@ -90,11 +92,12 @@ class NavSim:
         self.reward = reward or RewardConfig()
         self._randomization = randomization
         self.b = _buffers(num_envs, robot.lidar.num_beams)
-        config = sim_config(robot, guidance)
+        led = guidance == "replan" and not plans_itself
+        config = sim_config(robot, "goal" if guidance == "replan" and plans_itself else guidance)
         self.native = _core.BatchSim(num_envs, num_threads, robot.native, config, self.b)
         self.set_expert(expert)
         self.replanner: Replanner | None = None
-        if guidance == "replan":
+        if led:
             self.replanner = Replanner(
                 num_envs, self._taken_as, replanner, maturity=maturity, num_threads=self.native.num_threads
             )

@@ -25,6 +25,8 @@ class Setting:
     randomization: Randomization = NOMINAL
     taken_as: RobotConfig | None = None
     """The robot as a policy of another one takes it; see NavSim."""
+    plans_itself: bool = False
+    """The policy makes its own routes; see NavSim."""
 
     def simulate(
         self,
@@ -45,6 +47,7 @@ class Setting:
             replanner=self.replanner,
             maturity=self.maturity,
             taken_as=self.taken_as,
+            plans_itself=self.plans_itself,
             num_threads=num_threads,
             body=body,
         )

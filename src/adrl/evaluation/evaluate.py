@@ -146,6 +146,7 @@ def evaluate(
                 replanner=constants,
                 maturity=driver.maturity,
                 taken_as=taken_as,
+                plans_itself=driver.knows_the_world,
             ),
             encoder=own,
             seed=seed,

@@ -9,9 +9,6 @@ from numpy.typing import NDArray
 from adrl import _core
 from adrl.types import RobotConfig
 
-ControllerConfig = _core.DwaConfig
-"""Constants of a local controller; see core/control for their meaning."""
-
 
 def local_lookahead_m(robot: RobotConfig) -> float:
     """How far along its path a robot that moves so fast has to look."""
@@ -25,15 +22,24 @@ def dwa_config(robot: RobotConfig) -> "_core.DwaConfig":
     return config
 
 
+def pursuit_config(robot: RobotConfig) -> "_core.PursuitConfig":
+    """Regulated pure pursuit for this robot."""
+    config = _core.PursuitConfig()
+    config.max_lookahead_dist = max(config.min_lookahead_dist, local_lookahead_m(robot))
+    return config
+
+
 DWA = "dwa"
-CONTROLLERS: dict[str, Callable[[RobotConfig], ControllerConfig]] = {DWA: dwa_config}
-"""name -> its constants for a robot, in the order of what a decision costs."""
+CONTROLLERS: dict[str, Callable[[RobotConfig], Any]] = {DWA: dwa_config, "pursuit": pursuit_config}
+"""name -> its constants for a robot, in the order in which they are tried."""
 
 
-def near_config(name: str, robot: RobotConfig, lookahead_m: float) -> ControllerConfig:
+def near_config(name: str, robot: RobotConfig, lookahead_m: float) -> "_core.ControllerConfig":
     """Constants of a controller that heads for no point farther ahead than that."""
-    config = dwa_config(robot)
-    config.lookahead_m = min(config.lookahead_m, lookahead_m)
+    config = CONTROLLERS[name](robot)
+    for field in ("lookahead_m", "min_lookahead_dist", "max_lookahead_dist", "path_follow_offset_m"):
+        if hasattr(config, field):
+            setattr(config, field, min(getattr(config, field), lookahead_m))
     return config
 
 
@@ -44,7 +50,7 @@ class LocalControl:
         self,
         num_robots: int,
         robot: RobotConfig,
-        config: ControllerConfig,
+        config: "_core.ControllerConfig",
         *,
         foresee: bool = True,
         num_threads: int = 1,

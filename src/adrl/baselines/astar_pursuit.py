@@ -1,0 +1,18 @@
+"""A* and regulated pure pursuit."""
+
+from adrl.baselines.classical import ClassicalPolicy
+from adrl.planning.local_control import pursuit_config
+
+
+class AStarPursuitPolicy(ClassicalPolicy):
+    """A* and regulated pure pursuit; with the true map discs are foreseen."""
+
+    name = "astar-pursuit"
+    controller = staticmethod(pursuit_config)
+
+
+class AStarPursuitStaticPolicy(AStarPursuitPolicy):
+    """The same, discs not foreseen."""
+
+    name = "astar-pursuit-static"
+    foresee = False

@@ -1,0 +1,75 @@
+"""N robots that drive on maps of their own, as a classical stack does: map, A*, local controller.
+
+No true map and no true pose: scans and odometry are all there is.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl import _core
+from adrl.planning.local_control import LocalControl
+from adrl.planning.replanner import Replanner
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.types import Array, RobotConfig
+
+
+class OwnMapDriver:
+    """Commands for N robots to their goals. Poses and goals are in the frame of the odometry."""
+
+    def __init__(
+        self,
+        num_robots: int,
+        robot: RobotConfig,
+        control: LocalControl,
+        config: ReplannerConfig,
+        *,
+        num_threads: int = 1,
+    ) -> None:
+        """config: of map and routes; a route is planned anew every replan_interval_s. control: of as many robots."""
+        self.control = control
+        # Of the replanner the map and the search are wanted; eqs 18 to 21 are another method's.
+        self._maps = Replanner(num_robots, robot, config, num_threads=num_threads)
+        self._interval = config.steps(config.replan_interval_s, robot)
+        self._goals = np.zeros((num_robots, 2))
+        self._corners = np.zeros((num_robots, _core.ROUTE_CORNERS, 2))
+        self._counts = np.zeros(num_robots, np.int32)
+        self._along = np.zeros(num_robots)
+        self._since_plan = np.zeros(num_robots, np.int64)
+
+    def restart(self, indices: NDArray[np.intp], goals: Array, odometry: Array) -> None:
+        """Begin anew with robots `indices` (M,) at odometry (M, 3), to goals (M, 2), with empty maps."""
+        mask = np.zeros(len(self._goals), np.uint8)
+        mask[indices] = 1
+        poses = np.zeros((len(mask), 3))
+        poses[indices] = odometry
+        self._maps.native.restart(mask, poses)
+        self._goals[indices] = goals
+        # Until there is a plan, straight on.
+        self._corners[indices, 0], self._corners[indices, 1] = odometry[:, :2], goals
+        self._counts[indices] = 2
+        self._along[indices] = 0.0
+        self._since_plan[indices] = self._interval
+        self.control.restart(indices)
+
+    def commands(
+        self, ranges: NDArray[np.float32], odometry: Array, twist: Array, active: NDArray[np.bool_]
+    ) -> Array:
+        """One control period: (N, K) ranges, (N, 3) odometry, (N, 2) twists -> (N, 2) speeds and yaw rates.
+
+        active (N,): the others get 0.
+        """
+        native, mask = self._maps.native, active.astype(np.uint8)
+        native.observe(mask, odometry, ranges)
+        due = active & (self._since_plan >= self._interval)
+        self._since_plan[active] += 1
+        if due.any():
+            native.plan_routes(due.astype(np.uint8), odometry, self._goals, self._corners, self._counts)
+            # Where there is no way, the last route stays.
+            planned = due & (self._maps.b["found"] > 0)
+            self._along[planned] = 0.0
+            self._since_plan[due] = 1
+        out = np.zeros((len(mask), 2))
+        native.drive(
+            self.control.native, mask, odometry, twist, self._corners, self._counts, self._along, out
+        )
+        return out
