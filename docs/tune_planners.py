@@ -27,13 +27,14 @@ from adrl.worlds.robots import load_robot
 
 RESULTS = Path(__file__).parent / "results" / "planners.json"
 CELLS = (
-    ("jackal", "complex", "map", 60),
-    ("jackal", "rooms", "map", 20),
-    ("jackal", "clutter", "map", 20),
-    ("diffbot", "complex", "map", 20),
-    ("diffbot", "rooms", "map", 10),
-    ("jackal", "complex", "replan", 30),
-    ("diffbot", "complex", "replan", 10),
+    ("jackal", "complex", "map", 24),
+    ("jackal", "rooms", "map", 6),
+    ("jackal", "clutter", "map", 6),
+    ("diffbot", "complex", "map", 6),
+    ("diffbot", "rooms", "map", 4),
+    ("jackal", "complex", "replan", 8),
+    ("jackal", "clutter", "replan", 6),
+    ("diffbot", "clutter", "replan", 6),
 )
 """Robot, scenario, guidance, and how many validation tasks: more where planners fail."""
 
@@ -75,6 +76,19 @@ SPACES: dict[str, dict[str, BaseDistribution]] = {
         "max_allowed_time_to_collision": FloatDistribution(0.3, 2.0),
         "margin_m": FloatDistribution(0.02, 0.08),
     },
+    "astar-mppi": {
+        "temperature": log(0.02, 1.0),
+        "vx_std": FloatDistribution(0.1, 0.6),
+        "wz_std": FloatDistribution(0.2, 1.0),
+        "noise_correlation": FloatDistribution(0.0, 0.95),
+        "collision_margin_m": FloatDistribution(0.03, 0.1),
+        "inflation_m": FloatDistribution(0.1, 0.6),
+        "repulsion_weight": log(0.2, 5.0),
+        "path_align_weight": log(0.5, 20.0),
+        "path_follow_weight": log(1.0, 20.0),
+        "path_follow_offset_m": FloatDistribution(0.1, 1.5),
+        "path_angle_weight": log(0.5, 10.0),
+    },
 }
 """Planner -> constants to tune, and from what. lookahead_share: of the robot's own lookahead."""
 
@@ -99,7 +113,7 @@ def main(options: Options) -> None:
             study.tell(trial, row["value"])
         rows.append(row)
         files.write_json(RESULTS, results)
-        print(len(rows), round(row["value"], 3), row["cells"], flush=True)
+        print(len(rows), round(row["value"], 3), row["cells"], flush=True)  # noqa: T201
 
 
 def measure(planner: str, constants: dict[str, float]) -> dict[str, Any]:

@@ -13,6 +13,16 @@ namespace {
 
 using Flat8 = In<std::uint8_t, nb::shape<-1>>;
 
+void check(const ControllerConfig &controller) {
+    const auto *mppi = std::get_if<MppiConfig>(&controller);
+    if (mppi == nullptr) return;
+    if (mppi->batch_size < 1 || mppi->batch_size > kMaxMppiBatch || mppi->time_steps < 1 ||
+        mppi->time_steps > kMaxMppiSteps)
+        throw nb::value_error("mppi: batch_size or time_steps is not positive, or more than MPPI_MOST");
+    if (!(mppi->temperature > 0.0 && mppi->model_dt > 0.0 && mppi->inflation_m > 0.0))
+        throw nb::value_error("mppi: temperature, model_dt or inflation_m is not positive");
+}
+
 std::unique_ptr<BoundControl> make_control(int num_robots, int num_threads, const Robot &robot,
                                            std::tuple<double, double, double> response,
                                            const ControllerConfig &controller, bool foresee, nb::dict buffers) {
@@ -20,6 +30,7 @@ std::unique_ptr<BoundControl> make_control(int num_robots, int num_threads, cons
     const auto [acceleration, yaw_acceleration, lag_s] = response;
     if (!(acceleration > 0.0 && yaw_acceleration > 0.0 && lag_s >= 0.0))
         throw nb::value_error("response: give positive accelerations and a lag of 0 or more");
+    check(controller);
     ControlSetup setup{robot.footprint, robot.limits, robot.dt_s, foresee, controller};
     setup.limits.max_acceleration = acceleration;
     setup.limits.max_yaw_acceleration = yaw_acceleration;
@@ -56,6 +67,41 @@ void bind_control(nb::module_ &m) {
         .def_rw("cost_scaling_gain", &PursuitConfig::cost_scaling_gain)
         .def_rw("max_allowed_time_to_collision", &PursuitConfig::max_allowed_time_to_collision)
         .def_rw("margin_m", &PursuitConfig::margin_m);
+    nb::class_<MppiConfig>(m, "MppiConfig")
+        .def(nb::init<>())
+        .def_rw("batch_size", &MppiConfig::batch_size)
+        .def_rw("time_steps", &MppiConfig::time_steps)
+        .def_rw("model_dt", &MppiConfig::model_dt)
+        .def_rw("temperature", &MppiConfig::temperature)
+        .def_rw("gamma", &MppiConfig::gamma)
+        .def_rw("vx_std", &MppiConfig::vx_std)
+        .def_rw("wz_std", &MppiConfig::wz_std)
+        .def_rw("noise_correlation", &MppiConfig::noise_correlation)
+        .def_rw("collision_cost", &MppiConfig::collision_cost)
+        .def_rw("collision_margin_m", &MppiConfig::collision_margin_m)
+        .def_rw("inflation_m", &MppiConfig::inflation_m)
+        .def_rw("repulsion_weight", &MppiConfig::repulsion_weight)
+        .def_rw("path_align_weight", &MppiConfig::path_align_weight)
+        .def_rw("path_follow_weight", &MppiConfig::path_follow_weight)
+        .def_rw("path_follow_offset_m", &MppiConfig::path_follow_offset_m)
+        .def_rw("path_angle_weight", &MppiConfig::path_angle_weight)
+        .def_rw("max_angle_to_furthest", &MppiConfig::max_angle_to_furthest)
+        .def_rw("goal_weight", &MppiConfig::goal_weight)
+        .def_rw("goal_threshold_m", &MppiConfig::goal_threshold_m)
+        .def_rw("prefer_forward_weight", &MppiConfig::prefer_forward_weight);
+    m.attr("MPPI_MOST") = nb::make_tuple(kMaxMppiBatch, kMaxMppiSteps);
+    m.def(
+        "mppi_noise",
+        [](const MppiConfig &config) {
+            check(config);
+            const std::vector<float> noise = mppi_noise(config);
+            float *out = nullptr;
+            auto array = new_array<float>(
+                {static_cast<std::size_t>(config.time_steps), 2, static_cast<std::size_t>(config.batch_size)}, out);
+            std::copy(noise.begin(), noise.end(), out);
+            return array;
+        },
+        nb::arg("config"));
     m.def("control_memory", &control_memory, nb::arg("controller"));
     nb::class_<BoundControl>(m, "LocalControl")
         .def(nb::new_(&make_control), nb::arg("num_robots"), nb::arg("num_threads"), nb::arg("robot"),

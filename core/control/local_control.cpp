@@ -11,12 +11,15 @@ constexpr double kRouteWindow = 3.0; // the robot is looked for so far ahead of 
 
 } // namespace
 
-std::unique_ptr<LocalController> make_controller(const ControllerConfig &config) {
+std::unique_ptr<LocalController> make_controller(const ControllerConfig &config, const Footprint &footprint) {
     if (const auto *dwa = std::get_if<DwaConfig>(&config)) return make_dwa(*dwa);
-    return make_pure_pursuit(std::get<PursuitConfig>(config));
+    if (const auto *pursuit = std::get_if<PursuitConfig>(&config)) return make_pure_pursuit(*pursuit);
+    return make_mppi(std::get<MppiConfig>(config), footprint);
 }
 
-int control_memory(const ControllerConfig &config) { return kRecoveryMemory + make_controller(config)->memory_size(); }
+int control_memory(const ControllerConfig &config) {
+    return kRecoveryMemory + make_controller(config, {})->memory_size();
+}
 
 class LocalControl::Borrowed {
   public:
@@ -42,7 +45,7 @@ LocalControl::LocalControl(int num_robots, int num_threads, ControlSetup setup, 
     : num_robots_(num_robots), setup_(std::move(setup)), memory_(memory) {
     for (int k = 0; k < num_threads; ++k) {
         stock_.push_back(std::make_unique<Scratch>());
-        stock_.back()->controller = make_controller(setup_.controller);
+        stock_.back()->controller = make_controller(setup_.controller, setup_.footprint);
         stock_.back()->path.reserve(kRouteCorners);
     }
     memory_size_ = control_memory(setup_.controller);

@@ -9,14 +9,15 @@
 
 #include "control/controller.hpp"
 #include "control/dwa.hpp"
+#include "control/mppi.hpp"
 #include "control/pure_pursuit.hpp"
 #include "planning/replanner.hpp"
 
 namespace adrl {
 
-using ControllerConfig = std::variant<DwaConfig, PursuitConfig>;
+using ControllerConfig = std::variant<DwaConfig, PursuitConfig, MppiConfig>;
 
-std::unique_ptr<LocalController> make_controller(const ControllerConfig &config);
+std::unique_ptr<LocalController> make_controller(const ControllerConfig &config, const Footprint &footprint);
 // Numbers that are remembered of a robot.
 int control_memory(const ControllerConfig &config);
 

@@ -133,7 +133,37 @@ class PursuitConfig:
     max_allowed_time_to_collision: float
     margin_m: float
 
-ControllerConfig = DwaConfig | PursuitConfig
+class MppiConfig:
+    """Model predictive path integral control; see mppi.hpp for the meaning of its constants."""
+
+    batch_size: int
+    time_steps: int
+    model_dt: float
+    temperature: float
+    gamma: float
+    vx_std: float
+    wz_std: float
+    noise_correlation: float
+    collision_cost: float
+    collision_margin_m: float
+    inflation_m: float
+    repulsion_weight: float
+    path_align_weight: float
+    path_follow_weight: float
+    path_follow_offset_m: float
+    path_angle_weight: float
+    max_angle_to_furthest: float
+    goal_weight: float
+    goal_threshold_m: float
+    prefer_forward_weight: float
+
+MPPI_MOST: tuple[int, int]
+"""Greatest batch_size and time_steps."""
+
+def mppi_noise(config: MppiConfig) -> F32:
+    """(time_steps, 2, batch_size) noise of its samples, in units of its standard deviations."""
+
+ControllerConfig = DwaConfig | PursuitConfig | MppiConfig
 
 def control_memory(controller: ControllerConfig) -> int:
     """M: numbers that such a controller remembers of a robot."""

@@ -29,8 +29,17 @@ def pursuit_config(robot: RobotConfig) -> "_core.PursuitConfig":
     return config
 
 
+def mppi_config(robot: RobotConfig) -> "_core.MppiConfig":
+    """Model predictive path integral control, whose constants are shares of the robot's limits."""
+    return _core.MppiConfig()
+
+
 DWA = "dwa"
-CONTROLLERS: dict[str, Callable[[RobotConfig], Any]] = {DWA: dwa_config, "pursuit": pursuit_config}
+CONTROLLERS: dict[str, Callable[[RobotConfig], Any]] = {
+    DWA: dwa_config,
+    "pursuit": pursuit_config,
+    "mppi": mppi_config,
+}
 """name -> its constants for a robot, in the order in which they are tried."""
 
 

@@ -1,0 +1,18 @@
+"""A* and model predictive path integral control."""
+
+from adrl.baselines.classical import ClassicalPolicy
+from adrl.planning.local_control import mppi_config
+
+
+class AStarMppiPolicy(ClassicalPolicy):
+    """A* and model predictive path integral control; with the true map discs are foreseen."""
+
+    name = "astar-mppi"
+    controller = staticmethod(mppi_config)
+
+
+class AStarMppiStaticPolicy(AStarMppiPolicy):
+    """The same, discs not foreseen."""
+
+    name = "astar-mppi-static"
+    foresee = False
