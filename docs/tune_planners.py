@@ -27,14 +27,11 @@ from adrl.worlds.robots import load_robot
 
 RESULTS = Path(__file__).parent / "results" / "planners.json"
 CELLS = (
-    ("jackal", "complex", "map", 24),
-    ("jackal", "rooms", "map", 6),
-    ("jackal", "clutter", "map", 6),
-    ("diffbot", "complex", "map", 6),
-    ("diffbot", "rooms", "map", 4),
-    ("jackal", "complex", "replan", 8),
-    ("jackal", "clutter", "replan", 6),
-    ("diffbot", "clutter", "replan", 6),
+    ("jackal", "complex", "map", 32),
+    ("jackal", "rooms", "map", 8),
+    ("jackal", "clutter", "map", 8),
+    ("diffbot", "complex", "map", 8),
+    ("diffbot", "clutter", "map", 8),
 )
 """Robot, scenario, guidance, and how many validation tasks: more where planners fail."""
 
