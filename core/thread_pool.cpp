@@ -27,7 +27,7 @@ ThreadPool::~ThreadPool() {
     wake_.notify_all();
 }
 
-void ThreadPool::run(int count, const std::function<void(int, int)> &work) {
+void ThreadPool::share_out(int count, const std::function<void(int, int)> &work) {
     if (workers_.empty() || count <= 1) {
         if (count > 0) work(0, count);
         return;

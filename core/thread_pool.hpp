@@ -20,10 +20,15 @@ class ThreadPool {
     ThreadPool &operator=(const ThreadPool &) = delete;
 
     int size() const { return static_cast<int>(workers_.size()) + 1; }
-    // Calls work(first, last) on disjoint ranges that cover [0, count), and returns when all are done.
-    void run(int count, const std::function<void(int, int)> &work);
+    // Calls work(first, last) on disjoint ranges that cover [0, count), and returns when all are done. Work is called
+    // by reference: whatever it captures, nothing is allocated.
+    template <class Work>
+    void run(int count, const Work &work) {
+        share_out(count, std::cref(work));
+    }
 
   private:
+    void share_out(int count, const std::function<void(int, int)> &work);
     void serve(std::stop_token stop);
     bool take();
 

@@ -11,14 +11,15 @@ constexpr double kRouteWindow = 3.0; // the robot is looked for so far ahead of 
 
 } // namespace
 
-std::unique_ptr<LocalController> make_controller(const ControllerConfig &config, const Footprint &footprint) {
+std::unique_ptr<LocalController> make_controller(const ControllerConfig &config, const Footprint &footprint,
+                                                 const DriveLimits &limits, double dt_s) {
     if (const auto *dwa = std::get_if<DwaConfig>(&config)) return make_dwa(*dwa);
     if (const auto *pursuit = std::get_if<PursuitConfig>(&config)) return make_pure_pursuit(*pursuit);
-    return make_mppi(std::get<MppiConfig>(config), footprint);
+    return make_mppi(std::get<MppiConfig>(config), footprint, limits, dt_s);
 }
 
 int control_memory(const ControllerConfig &config) {
-    return kRecoveryMemory + make_controller(config, {})->memory_size();
+    return kRecoveryMemory + make_controller(config, {}, {}, 0.1)->memory_size();
 }
 
 class LocalControl::Borrowed {
@@ -45,7 +46,7 @@ LocalControl::LocalControl(int num_robots, int num_threads, ControlSetup setup, 
     : num_robots_(num_robots), setup_(std::move(setup)), memory_(memory) {
     for (int k = 0; k < num_threads; ++k) {
         stock_.push_back(std::make_unique<Scratch>());
-        stock_.back()->controller = make_controller(setup_.controller, setup_.footprint);
+        stock_.back()->controller = make_controller(setup_.controller, setup_.footprint, setup_.limits, setup_.dt_s);
         stock_.back()->path.reserve(kRouteCorners);
     }
     memory_size_ = control_memory(setup_.controller);
@@ -62,22 +63,20 @@ Twist LocalControl::in_world(int i, const World &world, const Path &path, double
 
 void LocalControl::on_maps(Replanner &maps, const std::uint8_t *mask, const double *pose, const double *twist,
                            const RouteCorners &routes, double *along, double *out) {
-    const auto decide_one = [&](int i) {
+    maps.pool().run(num_robots_, [&](int first, int last) {
         Borrowed borrowed(*this);
         Scratch &scratch = *borrowed;
-        const Pose at{pose[3 * i], pose[3 * i + 1], pose[3 * i + 2]};
         const double reach = scratch.controller->reach(setup_.footprint, setup_.limits, setup_.dt_s);
-        scratch.obstacles.gather(maps.window(i), maps.shape(), maps.origin(i), at, reach);
-        scratch.path.assign(routes.of(i));
-        along[i] = scratch.path.project({at.x, at.y}, along[i], along[i] + kRouteWindow);
-        const Twist command =
-            decide(i, scratch, setup_.limits, at, {twist[2 * i], twist[2 * i + 1]}, scratch.path, along[i]);
-        out[2 * i] = command.v;
-        out[2 * i + 1] = command.w;
-    };
-    maps.pool().run(num_robots_, [mask, &decide_one](int first, int last) {
         for (int i = first; i < last; ++i) {
-            if (mask[i]) decide_one(i);
+            if (!mask[i]) continue;
+            const Pose at{pose[3 * i], pose[3 * i + 1], pose[3 * i + 2]};
+            scratch.obstacles.gather(maps.window(i), maps.shape(), maps.origin(i), at, reach);
+            scratch.path.assign(routes.of(i));
+            along[i] = scratch.path.project({at.x, at.y}, along[i], along[i] + kRouteWindow);
+            const Twist now{twist[2 * i], twist[2 * i + 1]};
+            const Twist command = decide(i, scratch, setup_.limits, at, now, scratch.path, along[i]);
+            out[2 * i] = command.v;
+            out[2 * i + 1] = command.w;
         }
     });
 }

@@ -17,7 +17,8 @@ namespace adrl {
 
 using ControllerConfig = std::variant<DwaConfig, PursuitConfig, MppiConfig>;
 
-std::unique_ptr<LocalController> make_controller(const ControllerConfig &config, const Footprint &footprint);
+std::unique_ptr<LocalController> make_controller(const ControllerConfig &config, const Footprint &footprint,
+                                                 const DriveLimits &limits, double dt_s);
 // Numbers that are remembered of a robot.
 int control_memory(const ControllerConfig &config);
 

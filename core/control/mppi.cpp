@@ -175,11 +175,12 @@ ADRL_CLONES void lower_by_ball_and_disc(Near &n, int count, float x, float y, fl
 
 class Mppi final : public LocalController {
   public:
-    Mppi(const MppiConfig &config, const Footprint &footprint)
+    Mppi(const MppiConfig &config, const Footprint &footprint, const DriveLimits &limits, double dt_s)
         : config_(config), lanes_((config.batch_size + kBlock - 1) / kBlock * kBlock),
           noise_(static_cast<std::size_t>(config.time_steps) * 2 * lanes_), weight_(lanes_),
           balls_(footprint_balls(footprint, 0.9 * config.collision_margin_m)) {
         for (const Ball &ball : balls_) inscribed_ = std::max(inscribed_, ball.radius);
+        field_.reserve(half_side(footprint, limits, dt_s));
         const std::vector<float> noise = mppi_noise(config);
         for (int row = 0; row < 2 * config.time_steps; ++row) {
             std::copy_n(noise.begin() + static_cast<std::ptrdiff_t>(row) * config.batch_size, config.batch_size,
@@ -196,7 +197,7 @@ class Mppi final : public LocalController {
     Twist command(const Situation &now, double *memory) override {
         prepare(now);
         roll(now, memory);
-        score_ends(now);
+        score_ends();
         return update(now, memory);
     }
 
@@ -205,6 +206,10 @@ class Mppi final : public LocalController {
 
     double travel(const DriveLimits &limits, double dt_s) const {
         return std::max(limits.max_speed, -limits.min_speed) * config_.time_steps * step_s(dt_s);
+    }
+
+    double half_side(const Footprint &footprint, const DriveLimits &limits, double dt_s) const {
+        return travel(limits, dt_s) + footprint.radius + ObstacleField::kSpacing;
     }
 
     const float *noise(int step, int which) const {
@@ -220,7 +225,7 @@ class Mppi final : public LocalController {
     void prepare(const Situation &now) {
         const double far = travel(now.limits, now.dt_s);
         const double most = now.footprint.radius + config_.inflation_m;
-        field_.fill(now.obstacles, now.pose.theta, far + now.footprint.radius + ObstacleField::kSpacing, most);
+        field_.fill(now.obstacles, now.pose.theta, half_side(now.footprint, now.limits, now.dt_s), most);
         const double clear = now.obstacles.clearance(now.footprint, {0.0, 0.0, now.pose.theta}, most, 0.0);
         // A robot that already stands closer than the margin must still be allowed to leave.
         margin_ = static_cast<float>(std::min(config_.collision_margin_m, 0.5 * std::max(clear, 0.0)));
@@ -312,7 +317,7 @@ class Mppi final : public LocalController {
     }
 
     // What the last poses cost: their way to a point beyond the farthest one of the path that samples reach.
-    void score_ends(const Situation &now) {
+    void score_ends() {
         if (near_goal_) return;
         nearest_on_path(r_, lanes_, path_);
         float furthest = 0.0F;
@@ -397,8 +402,9 @@ std::vector<float> mppi_noise(const MppiConfig &config) {
     return noise;
 }
 
-std::unique_ptr<LocalController> make_mppi(const MppiConfig &config, const Footprint &footprint) {
-    return std::make_unique<Mppi>(config, footprint);
+std::unique_ptr<LocalController> make_mppi(const MppiConfig &config, const Footprint &footprint,
+                                           const DriveLimits &limits, double dt_s) {
+    return std::make_unique<Mppi>(config, footprint, limits, dt_s);
 }
 
 } // namespace adrl

@@ -41,6 +41,7 @@ struct MppiConfig {
 std::vector<float> mppi_noise(const MppiConfig &config);
 
 // The rollouts know limits, accelerations and lag of the base, and moving discs where they will be. Remembers the mean.
-std::unique_ptr<LocalController> make_mppi(const MppiConfig &config, const Footprint &footprint);
+std::unique_ptr<LocalController> make_mppi(const MppiConfig &config, const Footprint &footprint,
+                                           const DriveLimits &limits, double dt_s);
 
 } // namespace adrl

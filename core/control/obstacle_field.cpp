@@ -78,9 +78,8 @@ void ObstacleField::look_up(const float *x, const float *y, int count, float *ou
 }
 
 void ObstacleField::fill(const NearObstacles &obstacles, double heading, double half_side, double most) {
-    const int half = static_cast<int>(std::ceil(half_side / kSpacing));
-    side_ = 2 * half + 1;
-    half_ = static_cast<float>(half) * kSpacing;
+    side_ = static_cast<int>(side_of(half_side));
+    half_ = static_cast<float>(side_ / 2) * kSpacing;
     const auto size = static_cast<std::size_t>(side_) * side_;
     nodes_.resize(size);
     const auto cap = static_cast<float>(most);

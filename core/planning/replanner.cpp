@@ -79,13 +79,10 @@ void Replanner::observe(const std::uint8_t *mask, const double *pose, const floa
 }
 
 void Replanner::plan(const std::uint8_t *mask, const double *pose, const double *goal, const RouteCorners *routes) {
-    const auto one = [&](int i, RoutePlanner &planner) {
-        plan_one(i, planner, pose_at(pose, i), point_at(goal, i), routes);
-    };
     pool_.run(num_robots_, [&](int first, int last) {
         Borrowed scratch(*this);
         for (int i = first; i < last; ++i) {
-            if (mask[i]) one(i, scratch->planner);
+            if (mask[i]) plan_one(i, scratch->planner, pose_at(pose, i), point_at(goal, i), routes);
         }
     });
 }

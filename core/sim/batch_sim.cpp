@@ -77,20 +77,17 @@ void BatchSim::follow(const double *before) {
 }
 
 void BatchSim::plan(LocalControl &control, double *out) {
-    const auto plan_one = [&](int i) {
-        const Task &task = *tasks_[i];
-        const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
-        const Moment then = when_acted(i, limits);
-        const Twist command =
-            control.in_world(i, *task.world, task.path, b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory], limits,
-                             then.pose, then.twist, then.time_s);
-        out[2 * i] = command.v;
-        out[2 * i + 1] = command.w;
-    };
-    // What the pool is given holds two pointers: more would be allocated.
-    pool_.run(num_envs_, [this, &plan_one](int first, int last) {
+    pool_.run(num_envs_, [&](int first, int last) {
         for (int i = first; i < last; ++i) {
-            if (b_.active[i] && tasks_[i]) plan_one(i);
+            if (!b_.active[i] || !tasks_[i]) continue;
+            const Task &task = *tasks_[i];
+            const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
+            const Moment then = when_acted(i, limits);
+            const Twist command =
+                control.in_world(i, *task.world, task.path, b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory], limits,
+                                 then.pose, then.twist, then.time_s);
+            out[2 * i] = command.v;
+            out[2 * i + 1] = command.w;
         }
     });
 }

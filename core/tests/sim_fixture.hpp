@@ -26,11 +26,12 @@ inline std::shared_ptr<const World> crowded_world() {
 
 class SimFixture {
   public:
-    SimFixture(int n, int num_threads, bool polygon)
+    SimFixture(int n, int num_threads, bool polygon, const ControllerConfig &controller = DwaConfig{})
         : command(2 * n, 0.4), params(kNumParams * n), pose(3 * n), odometry(3 * n), twist(2 * n), clearance(n),
           least(n), waypoint(2 * n), route_left(n), time(n), travelled(n), memory(kMemory * n), plans(2 * n),
+          remembered(static_cast<std::size_t>(n) * control_memory(controller)),
           ranges(static_cast<std::size_t>(kBeams) * n), active(n, 1), reached(n), collided(n), mask(n, 1), seed(n),
-          control(n, num_threads, {robot(polygon).footprint, DriveLimits{}, 0.1, true, DwaConfig{}}, nullptr),
+          control(n, num_threads, {robot(polygon).footprint, DriveLimits{}, 0.1, true, controller}, remembered.data()),
           sim(n, num_threads, robot(polygon), SimConfig{}, buffers()) {
         const auto world = crowded_world();
         for (int i = 0; i < n; ++i) {
@@ -63,7 +64,7 @@ class SimFixture {
 
     static constexpr int kBeams = 45;
     std::vector<double> command, params, pose, odometry, twist, clearance, least, waypoint, route_left, time, travelled,
-        memory, plans;
+        memory, plans, remembered;
     std::vector<float> ranges;
     std::vector<std::uint8_t> active, reached, collided, mask;
     std::vector<std::uint64_t> seed;

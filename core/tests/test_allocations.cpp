@@ -48,17 +48,53 @@ TEST_CASE("the counter counts") {
     CHECK(allocations.load() > before);
 }
 
+const ControllerConfig kControllers[] = {DwaConfig{}, PursuitConfig{}, MppiConfig{}};
+
 TEST_CASE("nothing is allocated after construction") {
-    for (const bool polygon : {false, true}) {
-        for (const int threads : {1, 2, 3}) {
-            CAPTURE(polygon);
-            CAPTURE(threads);
-            SimFixture fixture(24, threads, polygon);
-            fixture.run(3); // warm-up: threads start
-            const long before = allocations.load();
-            fixture.run(20);
-            CHECK(allocations.load() == before);
+    for (const ControllerConfig &controller : kControllers) {
+        for (const bool polygon : {false, true}) {
+            for (const int threads : {1, 2, 3}) {
+                CAPTURE(controller.index());
+                CAPTURE(polygon);
+                CAPTURE(threads);
+                SimFixture fixture(24, threads, polygon, controller);
+                fixture.run(3); // warm-up: threads start
+                const long before = allocations.load();
+                fixture.run(20);
+                CHECK(allocations.load() == before);
+            }
         }
+    }
+}
+
+TEST_CASE("robots on maps of their own allocate nothing") {
+    constexpr int kRobots = 6, kSide = 120;
+    std::vector<std::int8_t> log_odds(static_cast<std::size_t>(kRobots) * kSide * kSide);
+    std::vector<std::int64_t> origin(2 * kRobots);
+    std::vector<std::uint8_t> parity(kRobots), found(kRobots), mask(kRobots, 1);
+    std::vector<double> waypoint(2 * kRobots), length(kRobots), pose(3 * kRobots), twist(2 * kRobots, 0.3),
+        goal(2 * kRobots, 2.5), corners(2L * kRobots * kRouteCorners), along(kRobots), out(2 * kRobots);
+    std::vector<std::int32_t> counts(kRobots);
+    std::vector<float> ranges(static_cast<std::size_t>(kRobots) * SimFixture::kBeams);
+    for (std::size_t i = 0; i < ranges.size(); ++i) ranges[i] = 0.8F + static_cast<float>(i % 7);
+    ReplannerSetup setup;
+    setup.shape = {kSide, kSide, 0.05};
+    Replanner maps(kRobots, 2, Beams(SimFixture::kBeams, -3.0, 6.0 / (SimFixture::kBeams - 1)), setup,
+                   {log_odds.data(), origin.data(), parity.data(), waypoint.data(), length.data(), found.data()});
+    const RouteCorners routes{corners.data(), counts.data()};
+    for (const ControllerConfig &controller : kControllers) {
+        CAPTURE(controller.index());
+        std::vector<double> memory(static_cast<std::size_t>(kRobots) * control_memory(controller));
+        LocalControl control(kRobots, 2, {{0.2, {}}, DriveLimits{}, 0.1, true, controller}, memory.data());
+        const long before = allocations.load();
+        maps.restart(mask.data(), pose.data());
+        for (int k = 0; k < 5; ++k) {
+            maps.observe(mask.data(), pose.data(), ranges.data());
+            maps.plan(mask.data(), pose.data(), goal.data(), &routes);
+            control.on_maps(maps, mask.data(), pose.data(), twist.data(), routes, along.data(), out.data());
+        }
+        CHECK(allocations.load() == before);
+        CHECK(counts[0] >= 2);
     }
 }
 

@@ -261,7 +261,7 @@ def test_mppi_is_its_numpy_twin(end: tuple[float, float], circle: tuple[float, f
     mean = np.zeros((8, 2))
     for _ in range(3):
         expected, mean = twin(robot, config, path, twist, mean, obstacle)
-        assert_allclose(fleet.plan()[0], expected, atol=1e-5 if circle is None else 1e-2)
+        assert_allclose(fleet.plan()[0], expected, atol=1e-5 if circle is None else 3e-2)
 
 
 @pytest.mark.parametrize("values", [dict(batch_size=0), dict(time_steps=65), dict(temperature=0.0)])
