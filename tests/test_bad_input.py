@@ -67,11 +67,15 @@ class TestNumbers:
         ("arguments", "says"),
         [
             (("evaluate", "--policy", "astar-dwa", "--episodes", "0"), ("episodes is 0", "give 1 or more")),
+            (("evaluate", "--policy", "astar-dwa", "--guidance", "goal"), ("plans its way", "map or replan")),
             (
-                ("evaluate", "--policy", "astar-dwa", "--guidance", "replan"),
-                ("plans on the true map", "replan"),
+                ("evaluate", "--policy", "astar-mppi", "--guidance", "goal"),
+                ("plans its way", "map or replan"),
             ),
-            (("evaluate", "--policy", "astar-dwa", "--guidance", "goal"), ("plans on the true map", "goal")),
+            (
+                ("evaluate", "--policy", "astar-dwa", "--guidance", "replan", "--paper-literal"),
+                ("paper_literal", "astar-dwa"),
+            ),
             (("evaluate", "--policy", "astar-dwa", "--seed", "-1"), ("seed is -1", "give 0 or more")),
             (("evaluate", "--policy", "astar-dwa", "--threads", "-1"), ("threads is -1", "give 0 or more")),
             (("collect", "--out", "d", "--steps", "0"), ("steps is 0", "give 1 or more")),

@@ -13,7 +13,7 @@ from scipy.ndimage import label
 
 from adrl.benchmarks.act import bench_act
 from adrl.benchmarks.learn import bench_learn, flops_per_update
-from adrl.benchmarks.plan import SIDE, _query, bench_dwa, bench_map, bench_replan
+from adrl.benchmarks.plan import SIDE, _query, bench_controllers, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.benchmarks.timing import median_seconds, rate_per_second
 from adrl.commands.bench import _gather
@@ -57,9 +57,10 @@ def test_sim(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_plan(tmp_path: Path) -> None:
     path = write_map(tmp_path, [[254] * 120] * 120, resolution=0.1)
-    results = bench_dwa(num_envs=4, num_threads=1, seconds=0.02, rounds=1)
+    results = bench_controllers(num_envs=4, num_threads=1, seconds=0.02, rounds=1)
     assert (results["envs"], results["threads"]) == (4, 1)
-    assert results["decisions_per_second"] > 0.0
+    for rate in ("decisions_per_second", "mppi_decisions_per_second", "pursuit_decisions_per_second"):
+        assert results[rate] > 0.0
     across = bench_map(path, rounds=1)
     assert (across["map"], across["cells"], across["queries"]) == ("map.yaml", [120, 120], 50)
     assert 0.0 < across["median_ms"] <= across["p95_ms"]
@@ -190,7 +191,7 @@ def test_a_round_needs_a_length(seconds: float) -> None:
     with pytest.raises(ConfigError, match="seconds"):
         bench_sim(num_envs=4, seconds=seconds)
     with pytest.raises(ConfigError, match="seconds"):
-        bench_dwa(num_envs=4, seconds=seconds)
+        bench_controllers(num_envs=4, seconds=seconds)
 
 
 def test_a_repeated_option_keeps_all_its_values():

@@ -142,7 +142,7 @@ class TestNames:
         assert (planner.name, planner.method, planner.knows_the_world) == (PLANNER, PLANNER, True)
         with pytest.raises(UnknownName):
             find_policy(PLANNER)
-        with pytest.raises(ConfigError, match="true map"):
+        with pytest.raises(ConfigError, match="simulators only"):
             Navigator(planner)
 
     @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""How long planning takes: distance field and A* on a map, A*+DWA decisions a second, and replanning."""
+"""How long planning takes: distance field and A* on a map, local controllers' decisions a second, and replanning."""
 
 import functools
 import statistics
@@ -14,21 +14,23 @@ from adrl.benchmarks.timing import median_seconds, rate_per_second, require_roun
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
 from adrl.observation import in_robot_frame
+from adrl.planning.local_control import LocalControl, dwa_config, mppi_config, pursuit_config
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array, OccupancyGrid, RobotConfig, Task
 from adrl.worlds import MapScenario, get_scenario, task_set
 from adrl.worlds.ros_map import Unknown
 
+CONTROLLERS = {"dwa": dwa_config, "mppi": mppi_config, "pursuit": pursuit_config}
 QUERIES = 50
 SIDE = 400
 """Cells on a side of the windows that replanning is timed on."""
 
 
-def bench_dwa(
+def bench_controllers(
     *, num_envs: int = 512, num_threads: int = 0, seconds: float = 1.0, rounds: int = 5
 ) -> dict[str, Any]:
-    """A*+DWA decisions a second on `complex`, robots under way."""
+    """Decisions a second of the local controllers on `complex`, diffbots under way; those of A*+DWA first."""
     if num_envs < 1:
         raise ConfigError(f"envs is {num_envs}; give 1 or more")
     require_rounds(rounds, seconds)
@@ -39,18 +41,25 @@ def bench_dwa(
     rng = np.random.default_rng(0)
     sim.reset(everyone, [tasks[i % len(tasks)] for i in everyone], everyone.astype(np.uint64), rng)
 
-    def decide() -> int:
-        sim.expert_actions()
-        return num_envs
+    rates = {}
+    for name, config in CONTROLLERS.items():
+        control = LocalControl(num_envs, robot, config(robot), num_threads=sim.num_threads)
 
-    rates = []
-    for _ in range(rounds):
-        for _ in range(20):  # so that the robots are among obstacles, not at rest at their starts
-            sim.step(sim.expert_actions())
-        rates.append(rate_per_second(decide, seconds))
+        def decide(control: LocalControl = control) -> int:
+            sim.planned_actions(control)
+            return num_envs
+
+        of_rounds = []
+        for _ in range(rounds):
+            for _ in range(20):  # so that the robots are among obstacles, not at rest at their starts
+                sim.step(sim.expert_actions())
+            of_rounds.append(rate_per_second(decide, seconds))
+        rates[name] = statistics.median(of_rounds)
     return {
         "schema_version": 1,
-        "decisions_per_second": statistics.median(rates),
+        "decisions_per_second": rates["dwa"],
+        "mppi_decisions_per_second": rates["mppi"],
+        "pursuit_decisions_per_second": rates["pursuit"],
         "threads": sim.num_threads,
         "envs": num_envs,
     }

@@ -32,7 +32,7 @@ class BarnOptions:
     worlds: Path
     """Folder of world_N.world and path_N.npy; or of folders worlds and paths, or world_files and path_files."""
     policy: str = "jackal"
-    """astar-dwa (knows the map), jackal (a shipped policy), a run folder of a policy for the Jackal, or one of your
+    """astar-mppi or another planner, jackal (a shipped policy), a run folder of a policy for the Jackal, or one of your
     own, as adrl evaluate has it."""
     v_max: float | None = None
     """Greatest speed, m/s: faster commands of a policy are cut off here, and astar-dwa plans with it. That of the

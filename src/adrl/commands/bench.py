@@ -9,7 +9,7 @@ from adrl import files
 from adrl.benchmarks import fault_drives
 from adrl.benchmarks.act import bench_act, bench_runtime
 from adrl.benchmarks.faults import FAULTS
-from adrl.benchmarks.plan import bench_dwa, bench_map, bench_replan
+from adrl.benchmarks.plan import bench_controllers, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.commands.options import Runner, parse, subcommand
 from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
@@ -167,10 +167,13 @@ def _sim(arguments: Sequence[str]) -> int:
 
 def _plan(arguments: Sequence[str]) -> int:
     options = parse(
-        PlanOptions, arguments, "bench plan", "A*+DWA decisions a second, and planning across a map."
+        PlanOptions,
+        arguments,
+        "bench plan",
+        "Local controllers' decisions a second, and planning across a map.",
     )
     require_file("--json", options.json)
-    results = bench_dwa(
+    results = bench_controllers(
         num_envs=options.envs, num_threads=options.threads, seconds=options.seconds, rounds=options.rounds
     )
     results["replan"] = bench_replan()

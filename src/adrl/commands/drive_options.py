@@ -15,7 +15,7 @@ class PolicyOptions(Place):
     """Which policy drives where."""
 
     policy: str = api.DEFAULT
-    """astar-dwa (knows the map), a shipped policy (adrl list), a run folder, or one of your own: module:object, the
+    """astar-mppi or another planner, a shipped policy (adrl list), a run folder, or one of your own: module:object, the
     model.onnx of adrl export, a model.zip of Stable-Baselines3, or a name that an installed package offers."""
     robot: str | None = None
     """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""

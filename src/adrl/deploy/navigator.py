@@ -309,9 +309,7 @@ class Navigator:
 def _robot(policy: ResolvedPolicy, robot: RobotConfig | None) -> RobotConfig:
     """The robot that drives. Raises ConfigError where nothing says which, or the policy can drive none."""
     if policy.knows_the_world:
-        raise ConfigError(
-            f"policy {policy.name} plans on a simulator's true map; a robot has none: give another one"
-        )
+        raise ConfigError(f"policy {policy.name} drives in simulators only; give another one")
     if robot is None and policy.robot is None:
         raise ConfigError(f"policy {policy.name} does not say which robot it drives; give robot")
     return policy.driven(robot)

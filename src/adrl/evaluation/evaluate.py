@@ -111,10 +111,8 @@ def evaluate(
     driver = find_policy(policy, PLANNERS)
     guidance, config = driver.require_guidance(guidance), driver.driven(robot)
     taken_as = driver.taken_as(config)
-    if paper_literal and guidance != "replan":
-        raise ConfigError(
-            f"paper_literal sets the equations of guidance replan, and guidance is {guidance}; give replan"
-        )
+    if paper_literal:
+        _require_replanner(driver, guidance)
     constants = replanner or driver.replanner
     constants = constants.literal() if paper_literal else constants
     warning = None if driver.robot is None else other_robot(driver.name, driver.robot, config)
@@ -180,6 +178,18 @@ def evaluate(
     if out is not None:
         done.save(out)
     return done
+
+
+def _require_replanner(driver: ResolvedPolicy, guidance: str) -> None:
+    """Raises ConfigError where no equation of the replanner is at work."""
+    if guidance != "replan":
+        raise ConfigError(
+            f"paper_literal sets the equations of guidance replan, and guidance is {guidance}; give replan"
+        )
+    if driver.knows_the_world:
+        raise ConfigError(
+            f"paper_literal sets equations of the replanner, and {driver.name} makes its own routes; leave it out"
+        )
 
 
 def _trace_recorder(driver: Policy | PrivilegedPolicy, reward_terms: Sequence[RewardTerm]) -> TraceRecorder:

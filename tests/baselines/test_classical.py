@@ -1,0 +1,140 @@
+"""The classical planners: what they know, and what they may not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import adrl
+from adrl.baselines.planners import PLANNERS
+from adrl.envs import NavSim
+from adrl.types import Array, RobotConfig, Task, World
+from adrl.worlds import get_scenario, task_set
+from adrl.worlds.robots import load_robot
+
+FORESEEING = sorted(name for name in PLANNERS if not name.endswith("-static"))
+each_planner = pytest.mark.parametrize("name", FORESEEING)
+ROBOT = RobotConfig()
+
+
+def course(name: str, task: Task, steps: int, guidance: str = "replan", threads: int = 1) -> Array:
+    """(steps, 2) actions of a robot that does as the planner says."""
+    sim = NavSim(1, ROBOT, guidance=guidance, plans_itself=True, num_threads=threads)
+    sim.reset(np.arange(1), [task], np.zeros(1, np.uint64), np.random.default_rng(0))
+    policy = PLANNERS[name]()
+    actions = []
+    for _ in range(steps):
+        actions.append(policy.act_in(sim)[0].copy())
+        sim.step(actions[-1][None])
+    return np.array(actions)
+
+
+def behind_a_wall(hidden: Array) -> Task:
+    """A wall in front of the robot with a way about it, and circles (N, 3) that it hides."""
+    world = World(bounds=(-5.0, -8.0, 8.0, 8.0), circles=hidden, segments=np.array([[2.0, -2.5, 2.0, 2.5]]))
+    path = np.array([[0.0, 0.0], [2.0, 3.0], [5.0, 0.0]])
+    return Task(
+        world=world, start=(0.0, 0.0, 0.0), goal=(5.0, 0.0), path=path, shortest_m=6.0, time_limit_s=60.0
+    )
+
+
+@each_planner
+def test_a_planner_without_a_map_never_reads_the_true_one(name: str):
+    """What a wall hides, and the path of the task, change no command until they can be seen."""
+    nothing = behind_a_wall(np.empty((0, 3)))
+    hidden = behind_a_wall(np.array([[3.0, 0.0, 0.4], [3.0, 1.0, 0.3], [2.6, -1.0, 0.3]]))
+    elsewhere = replace(hidden, path=np.array([[0.0, 0.0], [2.0, -3.0], [5.0, 0.0]]))
+    courses = [course(name, task, 15) for task in (nothing, hidden, elsewhere)]
+    assert_array_equal(courses[0], courses[1])
+    assert_array_equal(courses[0], courses[2])
+    # With the map the path counts.
+    assert np.any(course(name, hidden, 15, "map") != course(name, elsewhere, 15, "map"))
+
+
+@each_planner
+def test_a_planner_without_a_map_has_no_true_pose(name: str):
+    """The world moved away under the robot's odometry changes nothing: the odometry starts where it is told."""
+    task = behind_a_wall(np.empty((0, 3)))
+    sims = []
+    for shift in (0.0, 3.0):
+        sim = NavSim(1, ROBOT, guidance="replan", plans_itself=True)
+        sim.reset(np.arange(1), [task], np.zeros(1, np.uint64), np.random.default_rng(0))
+        sim.b["pose"][:, :2] += shift
+        sim.b["waypoint"][:] += shift
+        sims.append(PLANNERS[name]().act_in(sim))
+    assert_array_equal(sims[0], sims[1])
+
+
+@each_planner
+def test_it_goes_about_a_wall_that_it_finds(name: str):
+    summary = adrl.evaluate(
+        name, tasks=[behind_a_wall(np.empty((0, 3)))], guidance="replan", num_threads=1
+    ).summary
+    assert summary["success"] == 1.0
+    assert summary["guidance"] == "replan"
+
+
+@each_planner
+@pytest.mark.parametrize("guidance", ["map", "replan"])
+def test_threads_and_neighbours_change_nothing(name: str, guidance: str):
+    robot = load_robot("jackal")
+    tasks = task_set(get_scenario("clutter"), robot, "validation", 4)
+
+    def drive(some: list[Task], threads: int) -> Array:
+        sim = NavSim(len(some), robot, guidance=guidance, plans_itself=True, num_threads=threads)
+        rows = np.arange(len(some))
+        seeds = np.array([tasks.index(task) for task in some], np.uint64)
+        sim.reset(rows, some, seeds, [np.random.default_rng(0) for _ in some])
+        policy = PLANNERS[name]()
+        poses = []
+        for _ in range(12):
+            sim.step(policy.act_in(sim))
+            poses.append(sim.b["pose"].copy())
+        return np.stack(poses)
+
+    tasks = list(tasks)
+    together = drive(tasks, 1)
+    assert_array_equal(together, drive(tasks, 3))
+    for i, task in enumerate(tasks):
+        assert_array_equal(together[:, i : i + 1], drive([task], 1))
+
+
+@each_planner
+def test_an_episode_begins_without_the_memory_of_the_one_before(name: str):
+    task = behind_a_wall(np.empty((0, 3)))
+    sim = NavSim(1, ROBOT, guidance="replan", plans_itself=True)
+    policy = PLANNERS[name]()
+    courses = []
+    for _ in range(2):
+        sim.reset(np.arange(1), [task], np.zeros(1, np.uint64), np.random.default_rng(0))
+        policy.reset(np.arange(1))
+        actions = []
+        for _ in range(8):
+            actions.append(policy.act_in(sim).copy())
+            sim.step(actions[-1])
+        courses.append(np.stack(actions))
+    assert_allclose(courses[0], courses[1], atol=0.0)
+
+
+@pytest.mark.slow
+@each_planner
+@pytest.mark.parametrize(("robot", "guidance"), [("jackal", "map"), ("jackal", "replan"), ("diffbot", "map")])
+def test_planners_arrive(name: str, robot: str, guidance: str):
+    summary = adrl.evaluate(
+        name,
+        robot=robot,
+        scenario="clutter",
+        guidance=guidance,
+        split="validation",
+        episodes=40,
+        num_threads=1,
+    ).summary
+    assert summary["success"] >= 0.9
+
+
+def test_what_is_not_foreseen_has_a_name_of_its_own():
+    for name in FORESEEING:
+        assert PLANNERS[name]().foresee
+        assert not PLANNERS[f"{name}-static"]().foresee
+        assert PLANNERS[f"{name}-static"]().method == f"{name}-static"
