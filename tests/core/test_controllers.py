@@ -1,7 +1,6 @@
 """Laws of every local controller, and the numpy twin of MPPI."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,18 +11,13 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from adrl import _core
-from adrl.planning.local_control import LocalControl, dwa_config, mppi_config, pursuit_config
+from adrl.planning.local_control import CONTROLLERS, LocalControl
 from adrl.types import Array, RobotConfig, World
 from core.arenas import mirrored, worlds
 from core.fleet import EMPTY, Fleet, a_task
 from core.routes import ROBOTS, a_fleet, drive, routes
 from core.twins import Pose
 
-CONTROLLERS: dict[str, Callable[[RobotConfig], Any]] = {
-    "dwa": dwa_config,
-    "pursuit": pursuit_config,
-    "mppi": mppi_config,
-}
 each_controller = pytest.mark.parametrize("kind", sorted(CONTROLLERS))
 
 

@@ -14,14 +14,13 @@ from adrl.benchmarks.timing import median_seconds, rate_per_second, require_roun
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
 from adrl.observation import in_robot_frame
-from adrl.planning.local_control import LocalControl, dwa_config, mppi_config, pursuit_config
+from adrl.planning.local_control import CONTROLLERS, LocalControl
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array, OccupancyGrid, RobotConfig, Task
 from adrl.worlds import MapScenario, get_scenario, task_set
 from adrl.worlds.ros_map import Unknown
 
-CONTROLLERS = {"dwa": dwa_config, "mppi": mppi_config, "pursuit": pursuit_config}
 QUERIES = 50
 SIDE = 400
 """Cells on a side of the windows that replanning is timed on."""

@@ -245,7 +245,6 @@ class NavSim:
         own |= {f"expert.{name}": array for name, array in self.expert.b.items()}
         if self._history is not None:
             own |= self._history.arrays
-        own |= {f"expert.{name}": array for name, array in self.expert.b.items()}
         if self.replanner is not None:
             own |= {f"replanner.{name}": array for name, array in self.replanner.state().items()}
         return {name: array.copy() for name, array in (self.b | own).items()}
@@ -265,8 +264,6 @@ class NavSim:
         if self._history is not None:
             for name, array in self._history.arrays.items():
                 array[:] = state[name]
-        for name, array in self.expert.b.items():
-            array[:] = state.get(f"expert.{name}", 0.0)  # states of before the expert remembered anything
         if self.replanner is not None:
             prefix = "replanner."
             own = {
