@@ -2,9 +2,11 @@
 
 import os
 import pty
+import shlex
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +16,13 @@ from hypothesis import strategies as st
 from matplotlib.image import imread
 
 from adrl._core import Braking
+from adrl.commands.options import parse
+from adrl.descriptions import Finding, drive_command
+from adrl.integrations.ros.config import DriveConfig
 from adrl.report.robot_figure import derived
-from adrl.types import RobotConfig
+from adrl.types import LidarConfig, RobotConfig
 from adrl.worlds import ROBOTS, load_robot
+from adrl.worlds.robots import robot_toml
 from nav2_files import parameters, write
 from small_run import run_cli
 from urdf_files import DRIVE, sensor, urdf
@@ -125,6 +131,55 @@ def test_a_scan_beside_its_sensor_s_axis_gives_the_nodes_the_sensor(tmp_path: Pa
     assert run_cli("robot", "--from-urdf", body, "--out", out) == 0
     assert load_robot(out).lidar.mount_yaw_rad == 1.0
     assert "--mount 0.25 0.05 0" in out.read_text().partition("\n")[0]
+
+
+@pytest.mark.parametrize("ros", ["ros1", "ros2"])
+def test_the_command_is_one_that_the_nodes_take(tmp_path: Path, ros: str) -> None:
+    """In a shell, as it stands, with the names of topics and frames that it has to carry."""
+    findings = {
+        "ros": ros,
+        "scan_topic": "/front/scan",
+        "odom_topic": "/odom",
+        "odom_frame": "my odom",
+        "stamped": True,
+    }
+    findings |= {"lidar.mount_x_m": 0.25, "lidar.mount_y_m": -0.05, "sensor_yaw_rad": -1.0}
+    chosen = {name: Finding(field=name, value=value, place="a") for name, value in findings.items()}
+    words = shlex.split(drive_command(chosen, tmp_path / "my robot.toml"))
+    assert words[:3] == ["adrl", ros, "drive"]
+    ours = words[3 : words.index("--ros-args")] if ros == "ros2" else [w for w in words[3:] if ":=" not in w]
+    theirs = [word for word in words[3:] if word not in ours and word not in ("--ros-args", "-r")]
+    config = parse(DriveConfig, ours, "drive", "")
+    assert (config.robot, config.odom_frame) == (str(tmp_path / "my robot.toml"), "my odom")
+    assert (config.stamped, config.mount) == (True, (0.25, -0.05, -1.0))
+    assert theirs == ["scan:=/front/scan"]
+
+
+@pytest.mark.integration
+@pytest.mark.parametrize("name", ["drive", "drive.bag"])
+def test_a_robot_comes_back_from_a_bag_of_its_drives(tmp_path: Path, name: str) -> None:
+    """Of ROS 2 and of ROS 1: the LiDAR as it is, speeds within its own."""
+    pytest.importorskip("rosbags")
+    toml, bag, out = tmp_path / "cart.toml", tmp_path / name, tmp_path / "again.toml"
+    lidar = LidarConfig(num_beams=120, fov_rad=4.0, max_range_m=5.0, mount_x_m=0.1, mount_yaw_rad=0.4)
+    driven = replace(CART, lidar=lidar)
+    toml.write_text(robot_toml(driven))
+    drive = ("evaluate", "--policy", "astar-dwa", "--scenario", "clutter", "--episodes", 2, "--robot", toml)
+    assert run_cli(*drive, "--bag", bag) == 0
+    assert run_cli("robot", "--from-bag", bag, "--set", "radius_m=0.4", "--out", out) == 0
+    again = load_robot(out)
+    for field in ("num_beams", "fov_rad", "max_range_m", "mount_x_m", "mount_y_m", "mount_yaw_rad"):
+        assert getattr(again.lidar, field) == pytest.approx(getattr(lidar, field), abs=1e-5), field
+    assert again.control_period_s == driven.control_period_s
+    for field in (
+        "max_speed_mps",
+        "max_yaw_rate_radps",
+        "max_acceleration_mps2",
+        "max_yaw_acceleration_radps2",
+    ):
+        assert 0.0 < getattr(again, field) <= getattr(driven, field) + 1e-3, field
+    assert again.max_speed_mps == pytest.approx(driven.max_speed_mps, abs=0.02)
+    assert out.read_text().startswith(f"# adrl {'ros1' if name.endswith('.bag') else 'ros2'} drive")
 
 
 REFUSED = {

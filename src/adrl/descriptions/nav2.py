@@ -15,6 +15,11 @@ CORNER = re.compile(rf"\[\s*({NUMBER})\s*,\s*({NUMBER})\s*\]")
 LONGEST_FOOTPRINT = 10_000
 STAMPING = ("controller_server", "velocity_smoother")
 """Nodes that publish commands."""
+AMCL_FRAMES = {
+    "base_frame": "base_frame_id",
+    "odom_frame": "odom_frame_id",
+    "map_frame": "global_frame_id",
+}
 LINEAR, SIDEWAYS, TURN = range(3)
 """Numbers of a velocity in the velocity smoother."""
 
@@ -205,13 +210,9 @@ def _frames(section: Section) -> None:
             section.add(field, _frame(section.text(name)), name)
     if node in ("local_costmap", "global_costmap"):
         section.add("base_frame", _frame(section.text("robot_base_frame")), "robot_base_frame")
-    amcl = (
-        ("base_frame", "base_frame_id"),
-        ("odom_frame", "odom_frame_id"),
-        ("map_frame", "global_frame_id"),
-    )
-    for field, name in amcl:
-        section.add(field, _frame(section.text(name)), name, Standing.HINT)
+    if "base_frame_id" in section.parameters:  # amcl, whatever it is called
+        for field, name in AMCL_FRAMES.items():
+            section.add(field, _frame(section.text(name)), name, Standing.HINT)
     section.add("base_frame", _frame(section.text("robot_base_frame")), "robot_base_frame", Standing.HINT)
     section.add("odom_topic", section.text("odom_topic"), "odom_topic", Standing.HINT)
     if node in STAMPING and section.get("enable_stamped_cmd_vel") is True:
