@@ -20,8 +20,9 @@ UNITS = {"success": "points", "time": "%"}
 NOTE = (
     "Regret: how much worse than the best method of the cell, mean over cells. Success: in points. Time: the mean time "
     "a task, the time limit where it was not solved, in % of the best method's. Intervals of 95 %: the training seed "
-    "is the unit, resampled within each cell, seed s of one method paired with seed s of the other. p: sign flips of "
-    "all pairs, corrected after Holm for the number of methods in a column."
+    "is the unit, resampled within each cell, seed s of one method paired with seed s of the other. Less the first "
+    "method's: above 0 the first is better. p: sign flips of all pairs, corrected after Holm for the number of methods "
+    "in a column."
 )
 
 
