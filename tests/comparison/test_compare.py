@@ -23,6 +23,7 @@ from adrl.comparison.config import CompareConfig, differences, from_document
 from adrl.comparison.jobs import Job, all_jobs, run_job
 from adrl.comparison.pool import cache_path, log_path, run_all
 from adrl.comparison.results import Evaluated, markdown, method_rows, read_runs
+from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import load_policy, resolve_policy
 from adrl.errors import AdrlError, ConfigError, UnknownName
 from adrl.evaluation.metrics import SAMPLES, Episodes
@@ -304,6 +305,21 @@ def test_trainings_in_gazebo_are_compared(tmp_path: Path) -> None:
 
 class TestPoliciesOfOnesOwn:
     """Rows of policies that are not trained here."""
+
+    def test_a_planner_also_drives_without_the_map_where_that_is_asked_for(self, tmp_path: Path) -> None:
+        config = CompareConfig(
+            methods="td3", policies="default,astar-pursuit", episodes=2, out=tmp_path / "out", learner=BUDGET
+        )
+        asked = replace(config, guidance="goal", eval_guidance="goal,replan")
+        for job in all_jobs(asked)[:3]:
+            run_job(asked, job, 0.0)
+        runs = read_runs([asked.out / name for name in ("astar-dwa", "default", "astar-pursuit")])
+        driven = [(run.method, run.summary["guidance"]) for run in runs]
+        planners = [
+            (name, guidance) for name in ("astar-dwa", "astar-pursuit") for guidance in ("map", "replan")
+        ]
+        own = ("default", find_policy("default", {}).guidance)
+        assert driven == [*planners[:2], own, *planners[2:]], "a policy drives as it says"
 
     def test_they_are_rows_beside_the_planner(self, tmp_path: Path) -> None:
         onnx = tmp_path / "mine.onnx"

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 from adrl.agents.config import TrainConfig
-from adrl.baselines.planners import PLANNERS
 from adrl.comparison.config import CompareConfig
 from adrl.errors import ConfigError
 from adrl.registry import look_up
@@ -36,7 +35,7 @@ def preset(name: str) -> dict[str, CompareConfig]:
             scenario=scenario,
             robot=robot,
             methods=",".join(METHODS),
-            policies=",".join(name for name in CLASSICAL if name in PLANNERS),
+            policies=",".join(CLASSICAL),
             seeds=seeds,
             episodes=episodes,
             guidance=guidance,
