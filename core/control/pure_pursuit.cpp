@@ -36,7 +36,7 @@ class PurePursuit final : public LocalController {
         const double wanted = regulated(now, curvature, clear);
         for (const double share : {1.0, 0.7, 0.5, 0.3, 0.15}) {
             const Twist arc = reachable(now, share * wanted, curvature);
-            if (stays_clear(now, arc, distance, margin)) return arc;
+            if (stays_clear(now, arc, distance, margin)) return lead_lag(arc, now.twist, now.limits, now.dt_s);
         }
         return turn(now, bearing, margin);
     }
