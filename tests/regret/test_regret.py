@@ -14,7 +14,7 @@ import pytest
 
 from adrl.agents.config import Td3Config
 from adrl.comparison.config import CompareConfig
-from adrl.errors import ConfigError
+from adrl.errors import CheckpointError, ConfigError
 from adrl.regret.cells import CELLS
 from adrl.regret.page import write_page
 from adrl.regret.regret import missing, penalised_time_s, preset, regret, scores
@@ -41,7 +41,7 @@ def tiny(out: Path, methods: str = "adrl,td3", seeds: int = 2) -> dict[str, Comp
             td3=Td3Config(widths=(16, 16)),
         )
         sizes = {"episodes": 6, "num_envs": 16, "task_pool": 4, "demonstration_steps": 512}
-        found[name] = replace(config, validation_episodes=2, learner=learner, workers=1, **sizes)
+        found[name] = replace(config, validation_episodes=2, learner=learner, **sizes)
     return found
 
 
@@ -82,8 +82,18 @@ def test_a_killed_one_goes_on_and_tells_what_the_episodes_give(tmp_path: Path) -
     assert {n: c for n, c in contents(out).items() if n.endswith("summary.json")} == {
         n: c for n, c in whole.items() if n.endswith("summary.json")
     }
-    with pytest.raises(ConfigError, match="episodes: 6 there, 5 here"):
-        regret({name: replace(config, episodes=5) for name, config in comparisons.items()})
+    other = {name: replace(config, episodes=5) for name, config in comparisons.items()}
+    for refused in (regret, scores):
+        with pytest.raises(ConfigError, match="episodes: 6 there, 5 here"):
+            refused(other)
+    broken = out / CELL_NAMES[0] / "td3-s1" / "episodes.parquet"
+    table = pq.read_table(broken)
+    pq.write_table(table.slice(1), broken)
+    with pytest.raises(CheckpointError, match="td3-s1: its episodes are of another evaluation"):
+        scores(comparisons)
+    pq.write_table(table.drop_columns(["success"]), broken)
+    with pytest.raises(CheckpointError, match=r"td3-s1.*success"):
+        scores(comparisons)
 
 
 def check_page(comparisons: dict[str, CompareConfig], out: Path) -> None:

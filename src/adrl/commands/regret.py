@@ -60,12 +60,10 @@ def main(arguments: Sequence[str]) -> int:
     require_statsmodels()
     require_folder("--out", out)
     failed: dict[str, Path] = {}
-    try:
-        if not options.tables_only:
-            with job_bar("comparing") as show:
-                failed = regret(comparisons, show)
-    finally:
-        write_page(comparisons, out)
+    if not options.tables_only:
+        with job_bar("comparing") as show:
+            failed = regret(comparisons, show)
+    write_page(comparisons, out)
     if warning := few_seeds(seeds):
         console().print(f"WARNING: {warning}", style="yellow")
     for job, log in failed.items():

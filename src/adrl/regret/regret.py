@@ -12,7 +12,7 @@ from adrl.comparison.compare import claim, compare
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.jobs import Job, all_jobs, is_finished
 from adrl.comparison.results import outcomes
-from adrl.errors import MissingExtra
+from adrl.errors import CheckpointError, MissingExtra
 from adrl.registry import look_up
 from adrl.regret.cells import CELLS
 from adrl.regret.numbers import Array, Scores
@@ -27,6 +27,8 @@ METHODS = (
 """What is compared when nothing else is said; the others are paired with the first."""
 ENOUGH_SEEDS = 10
 """Seeds from which on a comparison says something."""
+COLUMNS = ("success", "time_s", "shortest_m")
+"""What is needed of an episode."""
 QUICK_STEPS, QUICK_EPISODES, QUICK_SEEDS = 4096, 20, 2
 
 
@@ -106,7 +108,7 @@ def scores(comparisons: Mapping[str, CompareConfig]) -> tuple[Scores, dict[str, 
     """What the complete cells measured, and cell -> each method's Av.T over the tasks that all runs of the cell solved.
 
     A cell counts when every method has every seed: a part would compare methods over different seeds. None where no
-    cell is complete. Raises CheckpointError for a broken file.
+    cell is complete. Raises CheckpointError for a broken file, and ConfigError for results of other settings.
     """
     lacking = missing(comparisons)
     complete = {cell: config for cell, config in comparisons.items() if cell not in lacking}
@@ -114,6 +116,7 @@ def scores(comparisons: Mapping[str, CompareConfig]) -> tuple[Scores, dict[str, 
         return None
     success, time_s, common_s = [], [], {}
     for cell, config in complete.items():
+        claim(config, config.out)
         runs = _columns(config)
         robot = load_robot(config.robot)
         success.append(runs["success"].mean(axis=2))
@@ -122,7 +125,7 @@ def scores(comparisons: Mapping[str, CompareConfig]) -> tuple[Scores, dict[str, 
         common = (
             runs["time_s"][:, :, solved].mean(axis=(1, 2))
             if solved.any()
-            else np.full(len(runs["task"]), np.nan)
+            else np.full(len(config.method_names), np.nan)
         )
         common_s[cell] = common.tolist()
     methods = next(iter(complete.values())).method_names
@@ -132,15 +135,24 @@ def scores(comparisons: Mapping[str, CompareConfig]) -> tuple[Scores, dict[str, 
 
 def _columns(config: CompareConfig) -> dict[str, Array]:
     """Columns of the episodes of all runs, (M methods, S seeds, E tasks), in the order of the tasks."""
-    runs = [outcomes(config.out / job.name)[config.resolved_guidance()] for job in _trainings(config)]
-    orders = [np.argsort(run["task"], kind="stable") for run in runs]
-    shape = (config.seeds, len(config.method_names), -1)  # jobs are seed-major
-    return {
-        name: np.array([run[name][order] for run, order in zip(runs, orders, strict=True)])
-        .reshape(shape)
-        .swapaxes(0, 1)
-        for name in ("task", "success", "time_s", "shortest_m")
-    }
+    runs = [_run(config, job) for job in _trainings(config)]
+    shape = (config.seeds, len(config.method_names), config.episodes)  # jobs are seed-major
+    return {name: np.array([run[name] for run in runs]).reshape(shape).swapaxes(0, 1) for name in COLUMNS}
+
+
+def _run(config: CompareConfig, job: Job) -> dict[str, Array]:
+    """COLUMNS of the episodes of one run, in the order of the tasks. Raises CheckpointError."""
+    folder = config.out / job.name
+    try:
+        run = outcomes(folder)[config.resolved_guidance()]
+        order = np.argsort(run["task"], kind="stable")
+        if not np.array_equal(run["task"][order], np.arange(config.episodes)):
+            raise KeyError(f"not tasks 0 to {config.episodes - 1}")
+        return {name: run[name][order] for name in COLUMNS}
+    except KeyError as error:
+        raise CheckpointError(
+            f"{folder}: its episodes are of another evaluation ({error}); delete it and run again"
+        ) from None
 
 
 def penalised_time_s(columns: Mapping[str, Array], robot: RobotConfig) -> Array:
