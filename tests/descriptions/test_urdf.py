@@ -1,6 +1,7 @@
 """URDF: the LiDAR where its joints put it, the footprint around its shapes, and what cannot be used refused by name."""
 
 import math
+import time
 from pathlib import Path
 from typing import Any
 
@@ -199,6 +200,16 @@ def test_a_mesh_beside_the_urdf_is_read(tmp_path: Path) -> None:
     assert_allclose([corners.min(axis=0), corners.max(axis=0)], [[-0.35, -0.2], [0.15, 0.2]], atol=0.012)
 
 
+def test_a_long_chain_of_links_takes_no_time_and_too_long_a_one_is_refused(tmp_path: Path) -> None:
+    links = [joint(f"l{i}", f"l{i - 1}" if i else "base_link", "0.001 0 0") for i in range(1100)]
+    path = write(tmp_path / "cart.urdf", urdf(more="".join(links[:900])))
+    begun_s = time.monotonic()
+    assert values(read_urdf(path, "l899"))["lidar.mount_x_m"] == pytest.approx(0.9)
+    assert time.monotonic() - begun_s < 10.0
+    with pytest.raises(ConfigError, match="has 1105 links or joints; give a URDF of up to 1000"):
+        read_urdf(write(path, urdf(more="".join(links))))
+
+
 def lifted(more: str) -> str:
     return joint("laser", "head", "0.1 0 0") + joint("head", "plate", kind=more)
 
@@ -248,6 +259,14 @@ REFUSED: dict[str, tuple[str, str]] = {
             more='<joint name="j" type="fixed"><parent link="laser"/><child link="base_footprint"/></joint>'
         ),
         "is no tree of links: .* hangs on itself",
+    ),
+    "a joint to nowhere": (
+        urdf(more='<joint name="j" type="fixed"><parent link="mast"/><child link="laser"/></joint>'),
+        "is no tree of links: a joint has mast, which is no link",
+    ),
+    "a link on two joints": (
+        urdf(more='<joint name="j" type="fixed"><parent link="wheel"/><child link="laser"/></joint>'),
+        "is no tree of links: laser hangs on several joints",
     ),
     "two roots": (urdf(more='<link name="mast"/>'), "base_footprint, mast hang on no joint, and one has to"),
 }

@@ -99,7 +99,7 @@ def _choose(sensors: list[_Sensor], wanted: str | None, body: Body, path: Path) 
         elif wanted in body.poses:
             return wanted
         else:
-            raise ConfigError(f"{path} has no link {brief(wanted)!r}; it has {listed(list(body.poses))}")
+            raise ConfigError(f"{path} has no link {brief(wanted)!r}; it has {listed(list(body.shapes))}")
     flat = [sensor for sensor in scanners if sensor.rings <= 1]
     if len(flat) == 1:
         return flat[0]
@@ -114,7 +114,7 @@ def _choose(sensors: list[_Sensor], wanted: str | None, body: Body, path: Path) 
             f"{path}: sensor {scanners[0].name!r} scans {scanners[0].rings} planes, and ADRL drives by one; make a "
             "LaserScan of its points, and give --lidar LINK, the link that is the scan's frame"
         )
-    likely = [name for name in body.poses if LIKELY.search(name)] or list(body.poses)
+    likely = [name for name in body.shapes if LIKELY.search(name)] or list(body.shapes)
     raise ConfigError(
         f"{path} has no LiDAR: no <gazebo reference=LINK> holds a <sensor> of type {', '.join(SENSORS)}; give "
         f"--lidar LINK, the link that is one: {listed(likely)}"
