@@ -83,9 +83,10 @@ void BatchSim::plan(LocalControl &control, double *out) {
             const Task &task = *tasks_[i];
             const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
             const Moment then = when_acted(i, limits);
+            const double here = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
+            const double along = task.path.project({then.pose.x, then.pose.y}, here, here + rules_.window);
             const Twist command =
-                control.in_world(i, *task.world, task.path, b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory], limits,
-                                 then.pose, then.twist, then.time_s);
+                control.in_world(i, *task.world, task.path, along, limits, then.pose, then.twist, then.time_s);
             out[2 * i] = command.v;
             out[2 * i + 1] = command.w;
         }
