@@ -27,6 +27,16 @@ class Tally(TypedDict, total=False):
     total: Count
 
 
+class Curriculum(TypedDict, total=False):
+    """Numbers of jump_start.JumpStart."""
+
+    horizon: Count
+    stage: Count
+    best: float
+    ended: Count
+    succeeded: Count
+
+
 class SavedRun(TypedDict):
     """A checkpoint's state.json."""
 
@@ -41,8 +51,8 @@ class SavedRun(TypedDict):
     train_success: float | None
     success: float | None
     returns: list[float]
-    explorer: NotRequired[dict[str, Any]]
-    """exploration.Explorer.numbers; absent from checkpoints before methods had a guide."""
+    explorer: NotRequired[Curriculum]
+    """Of exploration.Explorer; absent from checkpoints before methods had a guide."""
     wall_s: Annotated[float, Meta(ge=0.0)]
     metrics_bytes: Count
 
