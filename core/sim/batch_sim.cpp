@@ -139,11 +139,8 @@ void BatchSim::step_one(int i) {
     const Task &task = *tasks_[i];
     const double *params = b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams;
     double *memory = b_.memory + static_cast<std::ptrdiff_t>(i) * kMemory;
-    double *history = memory + 2;
-    std::copy_backward(history, history + 2 * (kHistory - 1), history + 2 * kHistory);
-    const Twist command = clip_command({b_.command[2 * i], b_.command[2 * i + 1]}, robot_.limits);
-    history[0] = command.v;
-    history[1] = command.w;
+    remember_command(i);
+    const double *history = memory + 2;
 
     const DriveLimits limits = limits_of(robot_, params);
     // The base acts on a command `latency` old: the older one until the newer one is due, then that.
@@ -191,7 +188,16 @@ void BatchSim::step_one(int i) {
     sense(i);
 }
 
+void BatchSim::remember_command(int i) {
+    double *history = b_.memory + static_cast<std::ptrdiff_t>(i) * kMemory + 2;
+    std::copy_backward(history, history + 2 * (kHistory - 1), history + 2 * kHistory);
+    const Twist command = clip_command({b_.command[2 * i], b_.command[2 * i + 1]}, robot_.limits);
+    history[0] = command.v;
+    history[1] = command.w;
+}
+
 void BatchSim::follow_one(int i, Vec2 before) {
+    remember_command(i);
     const Task &task = *tasks_[i];
     const Pose pose = load_pose(b_.pose + 3 * i);
     const double clear =

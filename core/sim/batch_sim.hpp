@@ -96,8 +96,9 @@ class BatchSim {
     void reset(const std::uint8_t *mask);
     // Moves every active robot by one control period and senses.
     void step();
-    // For robots that something else has moved, from the poses before (N, 3) to those in the buffers: whether the
-    // active ones have arrived, their clearance and their guidance. Senses nothing; whether they hit, the other tells.
+    // For robots that something else has moved by the commands in the buffers, from the poses before (N, 3) to those
+    // there: whether the active ones have arrived, their clearance and their guidance. Senses nothing; whether they
+    // hit, the other tells.
     void follow(const double *before);
     // A command for every active robot into out (N, 2), along its path with full knowledge of its world.
     void plan(LocalControl &control, double *out);
@@ -119,6 +120,7 @@ class BatchSim {
     Moment when_acted(int i, const DriveLimits &limits) const;
     void reset_one(int i);
     void step_one(int i);
+    void remember_command(int i); // of this period, the newest of those on their way to the base
     void follow_one(int i, Vec2 before);
     bool arrived(int i, Vec2 before) const;
     void sense(int i);

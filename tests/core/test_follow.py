@@ -31,6 +31,21 @@ def test_it_tells_of_a_pose_what_step_tells(lookahead_m: float) -> None:
     assert driven.b["reached"].any()
 
 
+@pytest.mark.parametrize("latency_s", [0.0, 0.04, 0.13, 0.5])
+def test_planners_know_of_the_commands_that_are_on_their_way(latency_s: float) -> None:
+    robot = a_robot()
+    tasks = [a_task(WALLED, start=(-3.0, y, 0.3), goal=(3.0, y)) for y in (-3.0, -0.5, 3.0)]
+    driven, moved = (Fleet(tasks, robot, latency_s=latency_s).reset() for _ in range(2))
+    for _ in range(12):
+        before, plan = driven.b["pose"].copy(), driven.plan()
+        assert_array_equal(moved.plan(), plan)
+        driven.step(plan)
+        moved.b["command"][:] = plan
+        for name in ("pose", "twist", "time"):
+            moved.b[name][:] = driven.b[name]
+        moved.sim.follow(before)
+
+
 def test_robots_that_are_not_active_are_left_alone() -> None:
     fleet = Fleet([a_task(WALLED)] * 2, a_robot()).reset()
     fleet.b["active"][:] = (1, 0)

@@ -46,7 +46,7 @@ def content(demonstrations: Demonstrations) -> bytes:
     )
 
 
-def crossings(expert: str, gate: Gate, robot: str = "diffbot") -> list[float]:
+def crossings(expert: str, gate: Gate, robot: str | RobotConfig = "diffbot") -> list[float]:
     """y where robots passed x = 0."""
     env = NavVectorEnv(16, task_pool=8, scenario=gate, robot=robot, randomize=False)
     driver, found = find_expert(expert).driver(env, 0), []
@@ -142,6 +142,11 @@ def test_the_shy_one_never_sees_through_the_gap_it_goes_round(robot: str) -> Non
     passed = crossings("narrow-shy:1.2", gate, robot)
     assert len(passed) > 10
     assert all(0.5 < y < 2.0 for y in passed)
+
+
+def test_the_shy_one_knows_the_commands_that_are_on_their_way() -> None:
+    late = RobotConfig(latency_s=0.3)
+    assert len(crossings("narrow-shy:0.9", Gate((-0.6, 0.6)), late)) > 10
 
 
 def test_the_shy_one_gives_up_where_no_way_is_wide_enough() -> None:

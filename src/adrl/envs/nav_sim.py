@@ -138,6 +138,7 @@ class NavSim:
         drawn = [draw_params(self.robot, self._randomization, count, drawer) for drawer, count in drawers]
         self.b["params"][indices] = np.concatenate(drawn)
         self.b["active"][indices] = 1
+        self.b["command"][indices] = 0.0
         self._last_action[indices] = to_action(np.zeros((1, 2)), self._taken_as)
         self.native.reset(mask)
         self.expert.restart(indices)
