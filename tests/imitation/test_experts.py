@@ -12,6 +12,7 @@ from adrl.imitation import Demonstrations, NoiseConfig, collect, find_expert
 from adrl.imitation.experts import EXPERTS
 from adrl.imitation.narrow_shy import shy_way
 from adrl.observation import to_twist
+from adrl.planning.local_control import CONTROLLERS
 from adrl.types import RobotConfig, Task, World
 from adrl.worlds import single_task
 
@@ -46,9 +47,12 @@ def content(demonstrations: Demonstrations) -> bytes:
     )
 
 
-def crossings(expert: str, gate: Gate, robot: str | RobotConfig = "diffbot") -> list[float]:
+def crossings(
+    expert: str, gate: Gate, robot: str | RobotConfig = "diffbot", planner: str = "dwa"
+) -> list[float]:
     """y where robots passed x = 0."""
     env = NavVectorEnv(16, task_pool=8, scenario=gate, robot=robot, randomize=False)
+    env.expert = planner
     driver, found = find_expert(expert).driver(env, 0), []
     env.reset(seed=0)
     for _ in range(400):
@@ -135,11 +139,12 @@ def test_the_shy_one_goes_round_by_the_wide_gap(narrow: float, wide: float, widt
     assert all(2.0 < y < 2.0 + wide for y in round_it)
 
 
+@pytest.mark.parametrize("planner", CONTROLLERS)
 @pytest.mark.parametrize("robot", ["diffbot", "jackal"])
-def test_the_shy_one_never_sees_through_the_gap_it_goes_round(robot: str) -> None:
+def test_the_shy_one_never_sees_through_the_gap_it_goes_round(robot: str, planner: str) -> None:
     """Beside the wide gap, parted from it by a post."""
     gate = Gate((-0.4, 0.4), (0.5, 2.0))
-    passed = crossings("narrow-shy:1.2", gate, robot)
+    passed = crossings("narrow-shy:1.2", gate, robot, planner)
     assert len(passed) > 10
     assert all(0.5 < y < 2.0 for y in passed)
 

@@ -38,8 +38,8 @@ class ShyPaths:
         self._env, self._width_m = env, width_m
         self._b = sim.b | {name: sim.b[name].copy() for name in WRITTEN}
         # A way round an obstacle, half the width off it, is longer than this: the point to head for is never seen
-        # through a gap that the way goes round.
-        config = near_config(env.expert, robot, width_m)
+        # through a gap that the way goes round. MPPI's samples would cut through one all the same.
+        config = near_config("pursuit" if env.expert == "mppi" else env.expert, robot, width_m)
         self._control = LocalControl(env.num_envs, robot, config, num_threads=sim.num_threads)
         self._guide = _core.BatchSim(
             env.num_envs, sim.num_threads, robot.native, sim_config(robot, "goal"), self._b

@@ -46,7 +46,7 @@ CONTROLLERS: dict[str, Callable[[RobotConfig], Any]] = {
 def near_config(name: str, robot: RobotConfig, lookahead_m: float) -> "_core.ControllerConfig":
     """Constants of a controller that heads for no point farther ahead than that."""
     config = CONTROLLERS[name](robot)
-    for field in ("lookahead_m", "min_lookahead_dist", "max_lookahead_dist", "path_follow_offset_m"):
+    for field in ("lookahead_m", "min_lookahead_dist", "max_lookahead_dist"):
         if hasattr(config, field):
             setattr(config, field, min(getattr(config, field), lookahead_m))
     return config
