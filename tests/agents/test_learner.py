@@ -77,9 +77,12 @@ def test_a_guide_is_the_clone_that_pretraining_leaves_and_stays_so(guide: Guide)
     released = replace(CONFIG.schedule, lambda_max=0.0)
     learner = make(pretrain_updates=600, critic_warmup_updates=0, guide=guide, schedule=released)
     fill(learner, 40, 0)
+    observation = resume_run.demonstrations().observation
     while learner.pretraining:
         learner.update()
-    observation = resume_run.demonstrations().observation
+        guide_so_far = learner.acting(POLICY).guide
+        assert guide_so_far is not None
+        assert_array_equal(guide_so_far.act(observation), learner.policy(POLICY).act(observation))
     clone = learner.policy(POLICY).act(observation)
     acting = learner.acting(POLICY)
     for _ in range(5):

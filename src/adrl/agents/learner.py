@@ -178,7 +178,7 @@ class Learner:
             self.compile_seconds = time.monotonic() - began_s
         if pretraining:
             self.pretrain_updates += updates
-            if self.state.guide is not None and not self.pretraining:
+            if self.state.guide is not None:  # what it proposes in the target is never untrained
                 self._keep_guide()
         else:
             self.online_updates += updates
