@@ -129,6 +129,22 @@ def test_a_comparison_that_knows_fewer_options_goes_on(tmp_path: Path) -> None:
         claim(CompareConfig(methods="adrl", learner=TrainConfig(steps=1000)), tmp_path)
 
 
+def test_a_comparison_of_before_that_has_the_q_filter_goes_on(tmp_path: Path) -> None:
+    config = CompareConfig(methods="q-filter,td3", learner=TrainConfig(steps=1000))
+    claim(config, tmp_path)
+    path = tmp_path / SETTINGS_FILE
+    content = json.loads(path.read_text())
+    for name, learner in content["methods"].items():
+        assert (learner["td3"].pop("row_weights") == "q-filter") is (name == "q-filter")
+        learner["td3"]["q_filter"] = name == "q-filter"
+    path.write_text(json.dumps(content))
+    claim(config, tmp_path)
+    content["methods"]["td3"]["td3"]["q_filter"] = True
+    path.write_text(json.dumps(content))
+    with pytest.raises(ConfigError, match='row_weights: "q-filter" there'):
+        claim(config, tmp_path)
+
+
 def test_a_comparison_of_before_goes_on(tmp_path: Path) -> None:
     config = CompareConfig(methods="adrl,td3", learner=TrainConfig(steps=1000))
     claim(config, tmp_path)

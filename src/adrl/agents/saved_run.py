@@ -5,7 +5,7 @@ from typing import Annotated, Any, NotRequired, TypedDict
 
 from msgspec import Meta
 
-from adrl.agents.config import TrainConfig
+from adrl.agents.config import Td3Config, TrainConfig
 from adrl.deploy.policy import PolicyConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import with_defaults, without_constants
@@ -76,6 +76,9 @@ def identity_of_before(saved: dict[str, Any]) -> dict[str, Any]:
 def learner_of_before(saved: dict[str, Any]) -> dict[str, Any]:
     """A learner's configuration that an earlier version wrote, without its budget: without what is constant now, and
     with the options that came later. Raises CheckpointError as without_constants does."""
+    td3 = saved.get("td3")
+    if isinstance(td3, dict) and td3.get("q_filter") is True:
+        saved = saved | {"td3": td3 | {"q_filter": Td3Config.q_filter, "row_weights": "q-filter"}}
     sections = {n: options | saved[n] for n, options in BEFORE.items() if isinstance(saved.get(n), dict)}
     filled = with_defaults(TrainConfig, without_constants(TrainConfig, saved | sections))
     known = {name: value for name, value in filled.items() if name in saved or name not in LEFT_OUT}
