@@ -44,6 +44,7 @@ from adrl.evaluation.rollout import Rollout, rollout
 from adrl.imitation.experts import EXPERTS
 from adrl.integrations.ros.config import DriveConfig, SimConfig
 from adrl.planning.replanner_config import ReplannerConfig
+from adrl.rewards.weights import EXTRA_TERMS
 from adrl.runs import RunConfig
 from adrl.simulators import SIMULATORS
 from adrl.types import GUIDANCE
@@ -202,6 +203,7 @@ class TestHelp:
                 *METHODS,
                 *SB3_METHODS,
                 *EXPERTS,
+                *EXTRA_TERMS,
                 *GUIDANCE,
                 *SIMULATORS,
                 *PLANNERS,

@@ -11,6 +11,7 @@ from adrl.commands.options import parse
 from adrl.deploy.policy import SHIPPED
 from adrl.imitation.experts import EXPERTS
 from adrl.registry import offered
+from adrl.rewards.weights import EXTRA_TERMS
 from adrl.simulators import SIMULATORS
 from adrl.types import GUIDANCE, RobotConfig
 from adrl.worlds import ROBOTS, SCENARIOS
@@ -30,7 +31,7 @@ def main(arguments: Sequence[str]) -> int:
     _section("experts", _first_lines(EXPERTS), "expert")
     baselines = {name: f"{baseline}, in adrl compare" for name, baseline in SB3_METHODS.items()}
     _section("baselines", baselines)
-    _section("reward terms of other packages", {}, "reward term")
+    _section("reward terms", dict.fromkeys(EXTRA_TERMS, "for --reward.extra-terms"), "reward term")
     _section("guidance", dict.fromkeys(GUIDANCE, ""))
     _section("planners", _first_lines(PLANNERS))
     _section("policies", SHIPPED, "policy")
