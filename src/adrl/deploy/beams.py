@@ -25,6 +25,10 @@ WIDTH_M, MOVES_S = 0.6, 0.3
 """Who moves is no wider; what it has left is not expected any more after that time."""
 DATED = 2.0
 """Scans may be older or newer than said by so many times the time between two."""
+BESIDE = 2
+"""Points that were seen from elsewhere do not fall into every beam, but into one of so many beside it."""
+AGREES, COMPARED_BEAMS = 0.8, 20
+"""A scan that shows this share of what was known, of so many beams or more, where it was known is dated right."""
 VANISHED_RAD = 0.25
 """A narrower thing may fall between beams."""
 WITHIN_REACH = 0.9
@@ -63,8 +67,10 @@ class BeamWatch:
         expected, doubted_s = self._expected(scan, sensor)
         # Things move, and seem to where they are seen a little earlier or later than said.
         passed_s = scan.stamp_s - self._last_s
-        moved_m = PEOPLE_MPS * passed_s + SLACK_M + DATED * math.dist(sensor[:2], self._sensor[:2])
-        turned_rad = DATED * abs(math.remainder(sensor[2] - self._sensor[2], 2.0 * math.pi))
+        off_m = _off_m(ranges, expected)[seen]
+        dated = 0.0 if _agree(off_m) else DATED
+        moved_m = PEOPLE_MPS * passed_s + SLACK_M + dated * math.dist(sensor[:2], self._sensor[:2])
+        turned_rad = dated * abs(math.remainder(sensor[2] - self._sensor[2], 2.0 * math.pi))
         self._last_s, self._sensor = scan.stamp_s, sensor
         lies = near & ~self._may_be_near(scan, near, expected, moved_m)
         known = [self._placed(scan, sensor, seen, ranges, np.zeros(len(ranges)))]
@@ -74,7 +80,7 @@ class BeamWatch:
         if np.count_nonzero(vanished) * abs(scan.angle_increment_rad) > VANISHED_RAD:
             doubted_s = doubted_s + (passed_s if seen.any() else 0.0)
             gone = self._placed(scan, sensor, vanished, expected, doubted_s)
-            come = known[0][np.abs(ranges[seen] - expected[seen]) > SLACK_M]  # at other places than before
+            come = known[0][off_m > SLACK_M]  # at other places than before
             stays = vanished.copy()
             stays[vanished] = _far_from(gone, come, WIDTH_M + moved_m + turned_rad * expected[vanished])
             empty = self._empty(scan, stays, seen, expected, moved_m)
@@ -124,6 +130,19 @@ class BeamWatch:
         angles, ranges = beam_angles(scan)[beams] + sensor[2], ranges[beams]
         x, y = sensor[0] + ranges * np.cos(angles), sensor[1] + ranges * np.sin(angles)
         return np.stack([x, y, doubted_s[beams]], axis=1)
+
+
+def _off_m(ranges: Array, expected: Array) -> Array:
+    """(K,) how far each hit is from what was known along its beam or the ones beside it; infinity where nothing was."""
+    near = np.stack([np.roll(expected, shift) for shift in range(-BESIDE, BESIDE + 1)])
+    hit = np.where(np.isfinite(ranges), ranges, 0.0)
+    return np.abs(near - hit).min(axis=0)
+
+
+def _agree(off_m: Array) -> bool:
+    """Whether hits that are so far from what was known along their beams, infinity for nothing, are where it was."""
+    compared = off_m[np.isfinite(off_m)]
+    return len(compared) >= COMPARED_BEAMS and float(np.mean(compared <= SLACK_M)) > AGREES
 
 
 def _far_from(points: Array, others: Array, within_m: Array) -> Mask:
