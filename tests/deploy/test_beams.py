@@ -60,6 +60,20 @@ def test_a_wall_does_not_vanish_between_two_scans(width_rad: float):
     assert not watch.empty
 
 
+def test_an_arc_that_goes_blind_in_a_turn_does_not_hide_behind_what_is_seen_anew():
+    """The robot turns by 0.2 rad a scan in a room with a doorway, as the ranges show: they are dated right."""
+    watch = BeamWatch(HERE)
+    for step in range(12):
+        yaw = 0.2 * step
+        world = np.remainder(ANGLES + yaw + math.pi, 2.0 * math.pi) - math.pi
+        ranges = np.where(np.abs(world - 1.0) < 0.2, 4.5, 3.0)
+        blind = step >= 8
+        watch.believable(
+            a_scan(step, np.where(blind & (np.abs(ANGLES - 0.3) < 0.5), np.inf, ranges)), (0.0, 0.0, yaw)
+        )
+        assert watch.empty == blind
+
+
 def test_who_walks_away_in_the_open_is_believed_to_be_gone():
     """In any direction, at a person's speed: nothing else is there to confirm the LiDAR."""
     for heading in np.linspace(-math.pi, math.pi, 12):
