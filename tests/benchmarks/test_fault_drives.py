@@ -89,7 +89,7 @@ def test_a_policy_that_stands_by_itself_is_got_on(task: int):
 
 @pytest.mark.integration
 def test_an_arc_that_goes_blind_in_a_turn_is_told():
-    """At 2 m/s and 2 rad/s between walls: what is seen anew around a corner does not explain what is not seen any more."""
+    """At 2 m/s and 2 rad/s between walls: what comes into view does not explain what has gone out of it."""
     (drive,) = fault_drives(["an arc of 60 deg inf for 2 s"], robots=["jackal"], scenarios=["rooms"])
     assert "scan_empty" in drive.reasons
     assert drive.outcome != "hit_standing"
