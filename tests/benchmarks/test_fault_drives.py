@@ -20,6 +20,7 @@ NAMED = {
     "twist always 0": "odometry_contradicts",
     "twist in the odometry's frame": "odometry_contradicts",
     "commands late by 2": "base_late",
+    "base of half the acceleration": "base_weak",
 }
 HARMLESS = (
     "none",
@@ -42,6 +43,7 @@ ALARMS = {
     "odometry_late",
     "odometry_contradicts",
     "base_late",
+    "base_weak",
 }
 
 
@@ -85,6 +87,16 @@ def test_a_policy_that_stands_by_itself_is_got_on(task: int):
     (drive,) = fault_drives(["none"], robots=["jackal"], scenarios=["rooms"], first=task)
     assert drive.outcome == "arrived"
     assert "recovering" in drive.reasons
+
+
+@pytest.mark.integration
+def test_a_base_that_brakes_half_as_hard_hits_nothing():
+    """At 2 m/s between walls."""
+    for drive in fault_drives(
+        ["base of half the acceleration"], robots=["jackal"], scenarios=["rooms"], tasks=3, first=1
+    ):
+        assert "base_weak" in drive.reasons
+        assert drive.outcome == "arrived"
 
 
 @pytest.mark.integration

@@ -31,3 +31,25 @@ def test_a_base_is_found_as_late_as_it_is(late: int, latency_s: float, lag_s: fl
     drive(actual, [OPEN], zigzag, 60, lambda robot: supervisor)
     assert supervisor.base_late_s == pytest.approx(0.1 * late)
     assert ("base_late" in supervisor.cautions) == (late > 0)
+
+
+@settings(max_examples=20)
+@given(st.integers(0, 2), st.floats(0.4, 1.0), st.floats(0.0, 0.1))
+def test_a_base_that_is_half_as_strong_is_braked_as_one(late: int, strength: float, lag_s: float):
+    """And is as late as it is; one of nearly all its strength is taken for what it is configured as."""
+    known = dataclasses.replace(
+        DIFFBOT, max_acceleration_mps2=0.8, max_yaw_acceleration_radps2=2.4, lag_s=lag_s
+    )
+    actual = dataclasses.replace(
+        known,
+        max_acceleration_mps2=strength * 0.8,
+        max_yaw_acceleration_radps2=strength * 2.4,
+        latency_s=0.1 * late,
+    )
+    supervisor = Supervisor(known)
+    drive(actual, [OPEN], zigzag, 60, lambda robot: supervisor)
+    if strength < 0.55:
+        assert "base_weak" in supervisor.cautions
+        assert supervisor.base_late_s == pytest.approx(0.1 * late)
+    if strength > 0.9:
+        assert "base_weak" not in supervisor.cautions

@@ -37,13 +37,14 @@ Reason = Literal[
     "scan_empty",
     "odometry_late",
     "base_late",
+    "base_weak",
     "odometry_contradicts",
     "limited",
     "unseen",
     "obstacle",
     "recovering",
 ]
-"""Why a command is not the one asked for; docs/how-to/robot.md explains each. All but the last nine stop the robot, and
+"""Why a command is not the one asked for; docs/how-to/robot.md explains each. All but the last ten stop the robot, and
 scan_empty, when too little is left to drive by."""
 
 

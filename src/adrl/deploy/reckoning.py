@@ -9,7 +9,7 @@ import numpy as np
 
 from adrl import _core
 from adrl.deploy.messages import Odometry, Pose, Twist
-from adrl.deploy.response import LATEST_PERIODS, Response
+from adrl.deploy.response import LATEST_PERIODS, STRENGTHS, Response
 from adrl.geometry import part_way
 from adrl.types import Array, RobotConfig
 
@@ -25,9 +25,10 @@ OWN_M, OWN_RAD = 0.02, 0.03
 class Reckoning:
     """Of one base: the commands that it was sent, and when it acts on them, which is measured."""
 
-    def __init__(self, robot: RobotConfig, base: _core.Braking, known: Sequence[Odometry]) -> None:
+    def __init__(self, robot: RobotConfig, known: Sequence[Odometry]) -> None:
         """known: the odometry, the newest last, as it comes."""
-        self._robot, self._base, self._known = robot, base, known
+        self._robot, self._known = robot, known
+        self._bases = [_base(robot, strength) for strength in STRENGTHS]
         self._response = Response(robot)
         self._longest_s = robot.latency_s + LATEST_PERIODS * robot.control_period_s
         self._commands: deque[tuple[float, Twist]] = deque()
@@ -39,6 +40,16 @@ class Reckoning:
     def latency_s(self) -> float:
         """From a command to the base's acting on it: as configured, or as measured if that is more."""
         return self._robot.latency_s + self._response.late_s
+
+    @property
+    def base(self) -> _core.Braking:
+        """How it responds and comes to rest: as configured, or as weakly as measured."""
+        return self._bases[self._response.strength]
+
+    @property
+    def is_weak(self) -> bool:
+        """Whether it accelerates and brakes less than configured."""
+        return self._response.strength > 0
 
     @property
     def base_late_s(self) -> float:
@@ -71,7 +82,9 @@ class Reckoning:
         late_s = [self._robot.latency_s + late * period_s for late in range(LATEST_PERIODS + 1)]
         orders = [self.orders(last.stamp_s, new.stamp_s, latency_s) for latency_s in late_s]
         self._response.take(
-            last, new, np.array([self._base.roll(last.pose, last.twist, one)[1] for one in orders])
+            last,
+            new,
+            np.array([[base.roll(last.pose, last.twist, one)[1] for one in orders] for base in self._bases]),
         )
 
     def orders(self, start_s: float, end_s: float, latency_s: float | None = None) -> Array:
@@ -93,7 +106,7 @@ class Reckoning:
     def state_at(self, time_s: float) -> tuple[Pose, Twist]:
         """Pose and twist to be expected at a time after the newest odometry."""
         newest = self._known[-1]
-        return self._base.roll(newest.pose, newest.twist, self.orders(newest.stamp_s, time_s))
+        return self.base.roll(newest.pose, newest.twist, self.orders(newest.stamp_s, time_s))
 
     def pose_at(self, time_s: float) -> Pose:
         """Where odometry says, or lets expect, the robot at a time of late; when there is odometry."""
@@ -124,3 +137,10 @@ class Reckoning:
         orders = self.orders(max(since.stamp_s, newest.stamp_s - REMEMBERED_S), newest.stamp_s)
         owed_m, owed_rad = np.abs(orders[:, :2]).T @ orders[:, 2]
         return bool(owed_m > OWED_M or owed_rad > OWED_RAD)
+
+
+def _base(robot: RobotConfig, strength: float) -> _core.Braking:
+    """One with this share of the robot's accelerations."""
+    accelerations = (strength * robot.max_acceleration_mps2, strength * robot.max_yaw_acceleration_radps2)
+    response = (*accelerations, robot.lag_s)
+    return _core.Braking(robot.radius_m or 0.0, robot.polygon, response, robot.control_period_s)

@@ -1,4 +1,5 @@
-"""How late a base acts on commands, measured: what it was told, and when, against what odometry says it did."""
+"""How late and how strongly a base acts on commands, measured: what it was told, and when, against what odometry says
+it did."""
 
 import numpy as np
 
@@ -8,6 +9,8 @@ from adrl.types import Array, RobotConfig
 
 LATEST_PERIODS = 4
 """Control periods beyond its latency that a base may be late, and still be braked."""
+STRENGTHS = (1.0, 0.5)
+"""Shares of the accelerations in its RobotConfig that a base may have."""
 MOST_MISFIT = 0.5
 """Of one measurement, as a share of the greatest speeds: one that nothing explains has no more to say."""
 SLACK, MOST, ENOUGH = 0.03, 0.3, 0.4
@@ -17,31 +20,35 @@ LONGEST_S = 0.5
 
 
 class Response:
-    """Of one base: the whole control periods by which it is later than its RobotConfig says."""
+    """Of one base: the whole control periods by which it is later than its RobotConfig says, and its strength."""
 
     def __init__(self, robot: RobotConfig) -> None:
         self._robot = robot
-        self._evidence = Evidence(LATEST_PERIODS + 1, slack=SLACK, most=MOST, enough=ENOUGH)
-        self.periods = 0
-
-    def forget(self) -> None:
-        """Begin anew, as configured."""
-        self._evidence.forget()
-        self.periods = 0
+        self._evidence = Evidence(
+            len(STRENGTHS) * (LATEST_PERIODS + 1), slack=SLACK, most=MOST, enough=ENOUGH
+        )
+        self._believed = 0
 
     @property
     def late_s(self) -> float:
         """Seconds beyond the configured latency."""
-        return self.periods * self._robot.control_period_s
+        return self._believed % (LATEST_PERIODS + 1) * self._robot.control_period_s
+
+    @property
+    def strength(self) -> int:
+        """Number in STRENGTHS."""
+        return self._believed // (LATEST_PERIODS + 1)
 
     def take(self, last: Odometry, new: Odometry, predicted: Array) -> None:
-        """predicted: (LATEST_PERIODS + 1, 2) twists at the new odometry of a base late by 0, 1, ... periods."""
+        """predicted: (len(STRENGTHS), LATEST_PERIODS + 1, 2) twists at the new odometry of a base of each strength that
+        is late by 0, 1, ... periods."""
         if not 0.0 < new.stamp_s - last.stamp_s <= LONGEST_S:
             return
-        misfit = np.minimum(self._shares(predicted - np.array(new.twist)), MOST_MISFIT)
-        found = self._evidence.add(float(misfit[self.periods]), misfit)
+        apart = predicted.reshape(-1, 2) - np.array(new.twist)
+        misfit = np.minimum(self._shares(apart), MOST_MISFIT)
+        found = self._evidence.add(float(misfit[self._believed]), misfit)
         if found is not None:
-            self.periods = found
+            self._believed = found
             self._evidence.forget()
 
     def _shares(self, twists: Array) -> Array:

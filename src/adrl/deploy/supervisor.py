@@ -13,7 +13,6 @@ from typing import Annotated
 
 import numpy as np
 
-from adrl import _core
 from adrl.deploy.alignment import Alignment
 from adrl.deploy.beams import BeamWatch
 from adrl.deploy.messages import Odometry, Pose, Reason, Scan, Twist
@@ -37,7 +36,7 @@ CREEP = 0.2
 FREE_M = 0.03
 """A free way keeps so much more clearance than the braking check asks for; of what is nearer already, it leads away."""
 CAUTIONS = frozenset[Reason](
-    ("scan_late", "odometry_late", "base_late", "scan_empty", "odometry_contradicts")
+    ("scan_late", "odometry_late", "base_late", "base_weak", "scan_empty", "odometry_contradicts")
 )
 """The robot drives on with these: what they name is reckoned with."""
 
@@ -103,9 +102,7 @@ class Supervisor:
             margin_m=max(self.config.margin_m, NOISE_STDS * lidar.noise_std_m),
             largest_hole_rad=self.config.largest_hole_rad,
         )
-        response = (robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2, robot.lag_s)
-        self._base = _core.Braking(robot.radius_m or 0.0, robot.polygon, response, self._period_s)
-        self._reckoning = Reckoning(robot, self._base, self._sensors.odometry)
+        self._reckoning = Reckoning(robot, self._sensors.odometry)
         self._alignment = Alignment(robot, mount)
         self._beams = BeamWatch(mount)
         self._told: tuple[str, ...] = ()
@@ -144,6 +141,7 @@ class Supervisor:
             "scan_late": self._alignment.late_s > 0.0,
             "odometry_late": self._alignment.late_s < 0.0,
             "base_late": self._reckoning.base_late_s > 0.0,
+            "base_weak": self._reckoning.is_weak,
             "scan_empty": self._beams.empty,
             "odometry_contradicts": self._sensors.twist_contradicts,
         }
@@ -179,7 +177,7 @@ class Supervisor:
             return self.stop(now_s, ("command_invalid",))
         pose, twist = self._reckoning.state_at(now_s)
         pending = self._reckoning.orders(now_s, now_s + self._reckoning.latency_s)
-        _, starting = self._base.roll((0.0, 0.0, 0.0), twist, pending)
+        _, starting = self._reckoning.base.roll((0.0, 0.0, 0.0), twist, pending)
         reasons = list(self.cautions)
         command = self._within_limits(wanted, starting)
         if self._alignment.suspects_mount:  # what is ahead may be elsewhere: slowly, until that is clear
@@ -213,10 +211,12 @@ class Supervisor:
         speed, yaw_rate = self.gently
         x, y, yaw = self.pose_at(now_s)
         turning = np.array([[0.0, math.copysign(yaw_rate, turn_rad), abs(turn_rad) / yaw_rate]])
-        if not self._base.stays_clear(STANDSTILL, turning, self._surroundings.seen_from((x, y, yaw))):
+        if not self._reckoning.base.stays_clear(
+            STANDSTILL, turning, self._surroundings.seen_from((x, y, yaw))
+        ):
             return False
         hits = self._surroundings.seen_from((x, y, yaw + turn_rad)) + np.array([0.0, 0.0, FREE_M])
-        return self._base.stays_clear(STANDSTILL, np.array([[speed, 0.0, way_m / speed]]), hits)
+        return self._reckoning.base.stays_clear(STANDSTILL, np.array([[speed, 0.0, way_m / speed]]), hits)
 
     def _send(
         self, twist: Twist, reasons: tuple[Reason, ...], now_s: float
@@ -253,7 +253,7 @@ class Supervisor:
         """Whether the robot stays clear if the next command comes in time, and if the watchdog has to stop it."""
         for periods in dict.fromkeys((1.0, self.config.hold_periods)):
             orders = np.concatenate([pending, [[*command, periods * self._period_s]]])
-            if not self._base.stays_clear(twist, orders, hits):
+            if not self._reckoning.base.stays_clear(twist, orders, hits):
                 return False
         return True
 
