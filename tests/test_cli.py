@@ -240,7 +240,10 @@ class TestTrain:
         config = json.loads((run / "config.json").read_text())
         assert (config["method"], config["scenario"], config["env_steps"]) == ("adrl", "clutter", 4096)
         assert config["settings"]["learner"]["steps"] == 4096
-        assert {"python", "adrl", "numpy", "jax"} <= json.loads((run / "versions.json").read_text()).keys()
+        versions = json.loads((run / "versions.json").read_text())
+        assert {"python", "adrl", "numpy", "jax"} <= versions.keys()
+        assert versions["planner"].startswith("A*+dwa: ")
+        assert json.loads((run / "config.json").read_text())["environment"]["planner"] == "dwa"
 
     def test_metrics_come_at_every_interval(self, run: Path) -> None:
         rows = [json.loads(line) for line in (run / "metrics.jsonl").read_text().splitlines()]

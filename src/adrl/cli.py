@@ -23,7 +23,7 @@ COMMANDS = {
     "report": "write one HTML file of a run or a comparison: curves, tables, replays, failures",
     "regret": "compare methods by how far each is behind the best, over experts, rewards, places and robots",
     "reproduce": "run the paper's experiments again: figures, tables and what does not reproduce",
-    "collect": "record A*+DWA demonstrations as a Minari dataset",
+    "collect": "record demonstrations as a Minari dataset",
     "export": "write a policy as an ONNX model, or for the C++ example",
     "bench": "measure one of: sim, plan, act, learn, gazebo, ros2",
     "list": "list robots, scenarios, methods and policies",
