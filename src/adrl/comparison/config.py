@@ -124,8 +124,9 @@ class CompareConfig(RunConfig):
         learner = self.learner
         budgets = [] if learner.steps is None else [f"{learner.steps} steps"]
         budgets += [] if learner.max_seconds is None else [f"{learner.max_seconds:g} s"]
+        place = "" if self.env == NATIVE else f"in {self.env} "
         return (
-            f"scenario {self.load().name}, robot {load_robot(self.robot).name}, trained with guidance "
+            f"scenario {self.load().name}, robot {load_robot(self.robot).name}, trained {place}with guidance "
             f"{self.resolved_guidance()} for {' or '.join(budgets)}, {self.episodes} {self.split} tasks"
         )
 

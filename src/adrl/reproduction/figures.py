@@ -240,7 +240,7 @@ def methods_figure(results: Results) -> Figure:
         row[2].axvline(50.0, color=EDGE, linewidth=1.0, linestyle=":")
         for axes in row:
             axes.set_xlim(-3.0, 103.0)
-        _axes(row[2], f"{scenario}: chance that a seed of ADRL beats it, %", "")
+        _axes(row[2], f"{scenario}: a seed of ADRL better, %", "")
     return figure
 
 

@@ -78,12 +78,12 @@ def _head(results: Results) -> list[str]:
         f"Made by `adrl reproduce --{results.about['preset']}`; this page and its figures come from the files here.",
         "",
         *run_lines(results),
-        "Every learned method has the same environment steps, test tasks, robot and vector environment.",
+        "Every learned method of a place has the same environment steps, test tasks, robot and vector environment.",
         "",
     ]
-    for scenario, about in results.about["scenarios"].items():
-        lines.append(f"- {about['title']}, {about['seeds']} seeds.")
-        if missing := results.missing[scenario]:
+    for place, about in results.about["scenarios"].items():
+        lines.append(f"- `{place}`: {about['title']}, {about['seeds']} seeds.")
+        if missing := results.missing[place]:
             lines.append(
                 f"  {len(missing)} of {len(about['jobs'])} runs are not in it yet: {', '.join(missing)}."
             )
