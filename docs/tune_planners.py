@@ -32,6 +32,8 @@ CELLS = (
     ("jackal", "clutter", "map", 8),
     ("diffbot", "complex", "map", 8),
     ("diffbot", "clutter", "map", 8),
+    ("diffbot", "dynamic", "map", 24),
+    ("jackal", "dynamic", "map", 16),
 )
 """Robot, scenario, guidance, and how many validation tasks: more where planners fail."""
 
