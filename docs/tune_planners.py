@@ -1,9 +1,9 @@
-"""Tunes the classical planners on validation tasks, with as many trials as ADRL and the baselines had.
+"""Tunes the classical planners on validation tasks.
 
-    python docs/tune_planners.py --planner astar-mppi --trials 60
+    python docs/tune_planners.py --planner astar-mppi --trials 61
 
-One set of constants for every robot and place, with the true map and on maps of the robot's own. The first trial has
-the constants that stand in the core. Every trial is written to docs/results/planners.json when it ends; the same
+One set of constants for every robot and place. The first trial has
+the constants that stand in the core. Every trial is written to docs/results/classical.json when it ends; the same
 command goes on until there are so many. The best ones are copied by hand to the headers in core/control.
 """
 
@@ -25,7 +25,7 @@ from adrl.baselines.planners import PLANNERS
 from adrl.types import RobotConfig
 from adrl.worlds.robots import load_robot
 
-RESULTS = Path(__file__).parent / "results" / "planners.json"
+RESULTS = Path(__file__).parent / "results" / "classical.json"
 CELLS = (
     ("jackal", "complex", "map", 32),
     ("jackal", "rooms", "map", 8),
@@ -95,7 +95,11 @@ SPACES: dict[str, dict[str, BaseDistribution]] = {
 def main(options: Options) -> None:
     """Run trials until there are as many as asked for."""
     results: dict[str, Any] = json.loads(RESULTS.read_text(encoding="utf-8")) if RESULTS.exists() else {}
-    rows = results.setdefault(options.planner, [])
+    cells = [list(cell) for cell in CELLS]
+    kept = results.get(options.planner)
+    if kept is None or kept["cells"] != cells:  # other tasks: values are not comparable
+        kept = results[options.planner] = {"cells": cells, "trials": []}
+    rows = kept["trials"]
     space = SPACES[options.planner]
     study = optuna.create_study(direction="maximize", sampler=optuna.samplers.TPESampler(seed=0))
     for row in rows:

@@ -22,39 +22,20 @@ int control_memory(const ControllerConfig &config) {
     return kRecoveryMemory + make_controller(config, {}, {}, 0.1)->memory_size();
 }
 
-class LocalControl::Borrowed {
-  public:
-    explicit Borrowed(LocalControl &owner) : owner_(owner) {
-        const std::scoped_lock lock(owner.mutex_);
-        scratch_ = std::move(owner.stock_.back());
-        owner.stock_.pop_back();
-    }
-    ~Borrowed() {
-        const std::scoped_lock lock(owner_.mutex_);
-        owner_.stock_.push_back(std::move(scratch_));
-    }
-    Borrowed(const Borrowed &) = delete;
-    Borrowed &operator=(const Borrowed &) = delete;
-    Scratch &operator*() { return *scratch_; }
-
-  private:
-    LocalControl &owner_;
-    std::unique_ptr<Scratch> scratch_;
-};
-
 LocalControl::LocalControl(int num_robots, int num_threads, ControlSetup setup, double *memory)
     : num_robots_(num_robots), setup_(std::move(setup)), memory_(memory) {
     for (int k = 0; k < num_threads; ++k) {
-        stock_.push_back(std::make_unique<Scratch>());
-        stock_.back()->controller = make_controller(setup_.controller, setup_.footprint, setup_.limits, setup_.dt_s);
-        stock_.back()->path.reserve(kRouteCorners);
+        auto scratch = std::make_unique<Scratch>();
+        scratch->controller = make_controller(setup_.controller, setup_.footprint, setup_.limits, setup_.dt_s);
+        scratch->path.reserve(kRouteCorners);
+        stock_.add(std::move(scratch));
     }
     memory_size_ = control_memory(setup_.controller);
 }
 
 Twist LocalControl::in_world(int i, const World &world, const Path &path, double along, const DriveLimits &limits,
                              const Pose &pose, const Twist &twist, double time_s) {
-    Borrowed borrowed(*this);
+    auto borrowed = stock_.borrow();
     Scratch &scratch = *borrowed;
     const double reach = scratch.controller->reach(setup_.footprint, limits, setup_.dt_s);
     scratch.obstacles.gather(world, pose, reach, time_s, setup_.foresee);
@@ -64,7 +45,7 @@ Twist LocalControl::in_world(int i, const World &world, const Path &path, double
 void LocalControl::on_maps(Replanner &maps, const std::uint8_t *mask, const double *pose, const double *twist,
                            const RouteCorners &routes, double *along, double *out) {
     maps.pool().run(num_robots_, [&](int first, int last) {
-        Borrowed borrowed(*this);
+        auto borrowed = stock_.borrow();
         Scratch &scratch = *borrowed;
         const double reach = scratch.controller->reach(setup_.footprint, setup_.limits, setup_.dt_s);
         for (int i = first; i < last; ++i) {

@@ -3,15 +3,14 @@
 
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <variant>
-#include <vector>
 
 #include "control/controller.hpp"
 #include "control/dwa.hpp"
 #include "control/mppi.hpp"
 #include "control/pure_pursuit.hpp"
 #include "planning/replanner.hpp"
+#include "stock.hpp"
 
 namespace adrl {
 
@@ -51,7 +50,6 @@ class LocalControl {
         NearObstacles obstacles;
         Path path;
     };
-    class Borrowed; // a scratch of the stock, put back at the end
 
     Twist decide(int i, Scratch &scratch, const DriveLimits &limits, const Pose &pose, const Twist &twist,
                  const Path &path, double along);
@@ -60,8 +58,7 @@ class LocalControl {
     ControlSetup setup_;
     int memory_size_ = 0;
     double *memory_;
-    std::mutex mutex_;
-    std::vector<std::unique_ptr<Scratch>> stock_;
+    Stock<Scratch> stock_; // one a thread
 };
 
 } // namespace adrl

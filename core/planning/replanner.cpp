@@ -21,32 +21,12 @@ Cell cell_of(Vec2 p, const WindowShape &shape, const WindowOrigin &origin) {
 
 } // namespace
 
-class Replanner::Borrowed {
-  public:
-    explicit Borrowed(Replanner &owner) : owner_(owner) {
-        const std::scoped_lock lock(owner.mutex_);
-        scratch_ = std::move(owner.stock_.back());
-        owner.stock_.pop_back();
-    }
-    ~Borrowed() {
-        const std::scoped_lock lock(owner_.mutex_);
-        owner_.stock_.push_back(std::move(scratch_));
-    }
-    Borrowed(const Borrowed &) = delete;
-    Borrowed &operator=(const Borrowed &) = delete;
-    Scratch *operator->() { return scratch_.get(); }
-
-  private:
-    Replanner &owner_;
-    std::unique_ptr<Scratch> scratch_;
-};
-
 Replanner::Replanner(int num_robots, int num_threads, const Beams &beams, const ReplannerSetup &setup,
                      ReplannerBuffers buffers)
     : num_robots_(num_robots), num_beams_(beams.count()), setup_(setup), b_(buffers), pool_(num_threads) {
     const WindowShape &shape = setup.shape;
     for (int k = 0; k < pool_.size(); ++k) {
-        stock_.push_back(std::make_unique<Scratch>(Scratch{
+        stock_.add(std::make_unique<Scratch>(Scratch{
             ScanIntegrator(shape, setup.evidence, beams, setup.mount, setup.max_range, setup.reach, setup.body_radius),
             RoutePlanner(shape.height, shape.width, shape.resolution, setup.costs)}));
     }
@@ -64,7 +44,7 @@ void Replanner::restart(const std::uint8_t *mask, const double *pose) {
 
 void Replanner::observe(const std::uint8_t *mask, const double *pose, const float *ranges) {
     pool_.run(num_robots_, [&](int first, int last) {
-        Borrowed scratch(*this);
+        auto scratch = stock_.borrow();
         for (int i = first; i < last; ++i) {
             if (!mask[i]) continue;
             const Pose at = pose_at(pose, i);
@@ -80,7 +60,7 @@ void Replanner::observe(const std::uint8_t *mask, const double *pose, const floa
 
 void Replanner::plan(const std::uint8_t *mask, const double *pose, const double *goal, const RouteCorners *routes) {
     pool_.run(num_robots_, [&](int first, int last) {
-        Borrowed scratch(*this);
+        auto scratch = stock_.borrow();
         for (int i = first; i < last; ++i) {
             if (mask[i]) plan_one(i, scratch->planner, pose_at(pose, i), point_at(goal, i), routes);
         }

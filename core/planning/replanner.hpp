@@ -3,13 +3,13 @@
 
 #include <cstdint>
 #include <memory>
-#include <mutex>
 #include <span>
 #include <vector>
 
 #include "planning/occupancy.hpp"
 #include "planning/route_planner.hpp"
 #include "planning/waypoint.hpp"
+#include "stock.hpp"
 #include "thread_pool.hpp"
 
 namespace adrl {
@@ -74,7 +74,6 @@ class Replanner {
         ScanIntegrator integrator;
         RoutePlanner planner;
     };
-    class Borrowed; // a scratch of the stock, put back at the end
 
     void plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 goal, const RouteCorners *routes);
     std::int8_t *cells(int i) const {
@@ -90,8 +89,7 @@ class Replanner {
     ReplannerSetup setup_;
     ReplannerBuffers b_;
     ThreadPool pool_;
-    std::mutex mutex_;
-    std::vector<std::unique_ptr<Scratch>> stock_; // one a thread
+    Stock<Scratch> stock_; // one a thread
 };
 
 } // namespace adrl

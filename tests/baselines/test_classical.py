@@ -1,6 +1,8 @@
 """The classical planners: what they know, and what they may not."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import adrl
 from adrl.baselines.planners import PLANNERS
 from adrl.envs import NavSim
+from adrl.planning.local_control import pursuit_config
 from adrl.types import Array, RobotConfig, Task, World
 from adrl.worlds import get_scenario, task_set
 from adrl.worlds.robots import load_robot
@@ -16,6 +19,7 @@ from adrl.worlds.robots import load_robot
 FORESEEING = sorted(name for name in PLANNERS if not name.endswith("-static"))
 each_planner = pytest.mark.parametrize("name", FORESEEING)
 ROBOT = RobotConfig()
+DOCS = Path(__file__).parents[2] / "docs"
 
 
 def course(name: str, task: Task, steps: int, guidance: str = "replan", threads: int = 1) -> Array:
@@ -131,6 +135,14 @@ def test_planners_arrive(name: str, robot: str, guidance: str):
         num_threads=1,
     ).summary
     assert summary["success"] >= 0.9
+
+
+def test_pursuit_has_the_constants_of_its_best_trial():
+    trials = json.loads((DOCS / "results" / "classical.json").read_text())["astar-pursuit"]["trials"]
+    best = max(trials, key=lambda trial: trial["value"])["constants"]
+    config = pursuit_config(ROBOT)
+    for name, value in best.items():
+        assert getattr(config, name) == pytest.approx(value, rel=0.02)
 
 
 def test_what_is_not_foreseen_has_a_name_of_its_own():
