@@ -282,7 +282,7 @@ class TestTrain:
         config = json.loads((tmp_path / "run" / "config.json").read_text())
         assert config["train_seconds"] >= 2.0
 
-    def test_training_on_a_collected_dataset(self, tmp_path: Path) -> None:
+    def test_training_on_a_collected_dataset(self, run: Path, tmp_path: Path) -> None:
         data, out = tmp_path / "walks-v0", tmp_path / "run"
         assert run_cli("collect", "--out", data, "--steps", 2048, "--num-envs", 32) == 0
         assert run_cli(*TRAIN, "--dataset", data, "--out", out) == 0
@@ -290,6 +290,8 @@ class TestTrain:
         assert config["settings"]["dataset"] == str(data)
         assert config["env_steps"] == 4096
         assert config["settings"]["expert"] == "perfect"
+        told = [json.loads((folder / "config.json").read_text())["environment"] for folder in (run, out)]
+        assert ["planner" in environment for environment in told] == [True, False], "it is the dataset's"
 
     @pytest.mark.parametrize("expert", ["slow:0.5", "few:2"])
     def test_training_from_an_imperfect_expert(self, run: Path, tmp_path: Path, expert: str) -> None:

@@ -122,7 +122,8 @@ def _train(
     began_s = time.monotonic()
     tell("demonstrations")
     probed = run.learner.measures_maturity and run.learner.schedule.needs_probe
-    planner = best_planner(env) if probed or run.learner.schedule.imitates else None
+    demonstrates = run.learner.schedule.imitates and run.config.dataset is None
+    planner = best_planner(env) if probed or demonstrates else None
     if planner is not None:
         env.expert = planner.controller
     demonstrations = _demonstrations(run, env) if run.learner.schedule.imitates else None
@@ -131,13 +132,14 @@ def _train(
     if probed:
         tell("probe")
         probe = _probe(run, env.expert, demonstrations)
+    demonstrator = planner if demonstrates else None
     about = run.about_policy(
-        planner=planner,
+        planner=demonstrator,
         demonstration_seconds=demonstrated_s - began_s,
         probe_seconds=time.monotonic() - demonstrated_s,
     )
     if not resumed:
-        files.write_json(run.folder / VERSIONS_FILE, versions(planner))
+        files.write_json(run.folder / VERSIONS_FILE, versions(demonstrator))
 
     from adrl.agents.train import train as learn
 
