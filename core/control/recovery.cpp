@@ -23,6 +23,7 @@ Twist escape(const Situation &now) {
     double most = 0.0;
     for (const double w : {0.0, rate, -rate}) {
         for (const double v : {0.0, forward, backward}) {
+            if (v == 0.0 && w == 0.0) continue; // standing is what it is stuck in
             double room = 0.0;
             double least = kRoom;
             for (int k = 1; k <= kPoses && least > 0.0; ++k) {

@@ -129,6 +129,22 @@ def test_what_is_not_foreseen_is_taken_to_stand_still(kind: str):
     assert np.abs(plans["foreseen"] - plans["not"]).max() > 0.03
 
 
+# --- recovery -------------------------------------------------------------------------------------
+
+
+@each_controller
+@pytest.mark.parametrize("name", ["diffbot", "rectangle both ways"])
+def test_a_robot_that_is_stuck_moves(kind: str, name: str):
+    """At a wall that the path leads through: where no place has more room, turning is better than to stand."""
+    robot = ROBOTS[name]
+    world = World(bounds=EMPTY.bounds, segments=np.array([[1.0, -3.0, 1.0, 3.0]]))
+    fleet = led_by(a_fleet([a_task(world, goal=(3.0, 0.0))], robot).reset(), kind, robot)
+    poses = np.array([fleet.step(fleet.plan()).b["pose"][0].copy() for _ in range(160)])
+    assert not fleet.b["collided"].any()
+    stuck = poses[60:]
+    assert np.ptp(stuck[:, 0]) + np.ptp(stuck[:, 1]) + np.ptp(stuck[:, 2]) > 0.25
+
+
 # --- pure pursuit ---------------------------------------------------------------------------------
 
 
