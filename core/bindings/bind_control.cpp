@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/variant.h>
@@ -19,8 +21,9 @@ void check(const ControllerConfig &controller) {
     if (mppi->batch_size < 1 || mppi->batch_size > kMaxMppiBatch || mppi->time_steps < 1 ||
         mppi->time_steps > kMaxMppiSteps)
         throw nb::value_error("mppi: batch_size or time_steps is not positive, or more than MPPI_MOST");
-    if (!(mppi->temperature > 0.0 && mppi->model_dt > 0.0 && mppi->inflation_m > 0.0))
-        throw nb::value_error("mppi: temperature, model_dt or inflation_m is not positive");
+    if (!(mppi->temperature > 0.0 && mppi->model_dt > 0.0 && mppi->inflation_m > 0.0 && mppi->collision_margin_m > 0.0))
+        throw nb::value_error("mppi: temperature, model_dt, inflation_m or collision_margin_m is not positive");
+    if (!(std::abs(mppi->noise_correlation) <= 1.0)) throw nb::value_error("mppi: noise_correlation is not in [-1, 1]");
 }
 
 std::unique_ptr<BoundControl> make_control(int num_robots, int num_threads, const Robot &robot,

@@ -29,7 +29,7 @@ struct MppiConfig {
     double path_align_weight = 5.0;     // a metre off the path's point of equal length, mean over the steps
     double path_follow_weight = 10.0;   // a metre from the last pose to a point beyond those that samples reach,
     double path_follow_offset_m = 0.5;  // by this
-    double path_angle_weight = 2.0;     // a turn of 90 degrees away from that point, mean over the steps,
+    double path_angle_weight = 2.0;     // the last pose 90 degrees off that point,
     double max_angle_to_furthest = 1.0; // where the robot itself is further off than this, rad
     double goal_weight = 5.0;           // a metre from the goal, mean over the steps,
     double goal_threshold_m = 1.4;      // within this of it; the path's critics rest there

@@ -274,7 +274,16 @@ def test_mppi_is_its_numpy_twin(end: tuple[float, float], circle: tuple[float, f
         assert_allclose(fleet.plan()[0], expected, atol=1e-5 if circle is None else 3e-2)
 
 
-@pytest.mark.parametrize("values", [dict(batch_size=0), dict(time_steps=65), dict(temperature=0.0)])
+@pytest.mark.parametrize(
+    "values",
+    [
+        dict(batch_size=0),
+        dict(time_steps=65),
+        dict(temperature=0.0),
+        dict(collision_margin_m=0.0),
+        dict(noise_correlation=1.1),
+    ],
+)
 def test_constants_that_mean_nothing_are_refused(values: dict[str, float]):
     with pytest.raises(ValueError, match="mppi"):
         LocalControl(1, ROBOTS["diffbot"], small(**values))

@@ -35,7 +35,7 @@ class BarnOptions:
     """astar-mppi or another planner, jackal (a shipped policy), a run folder of a policy for the Jackal, or one of your
     own, as adrl evaluate has it."""
     v_max: float | None = None
-    """Greatest speed, m/s: faster commands of a policy are cut off here, and astar-dwa plans with it. That of the
+    """Greatest speed, m/s: faster commands of a policy are cut off here, and a planner plans with it. That of the
     robot when left out."""
     held_out: int = 0
     """Drive only so many of the worlds, those that training with the same --barn and --barn-held-out leaves out; 0 for

@@ -44,7 +44,7 @@ class PlanOptions:
     """The planners."""
 
     map: Path | None = None
-    """ROS map to plan across, besides the A*+DWA decisions on complex."""
+    """ROS map to plan across, besides the decisions on complex."""
     unknown: Unknown = "solid"
     """What cells of the map are that nothing has looked at: solid or free."""
     envs: int = 512
@@ -256,7 +256,7 @@ WHAT: dict[str, tuple[str, Runner]] = {
         _sim,
     ),
     "plan": (
-        "A*+DWA decisions a second, replanning, a policy's step, and planning across a map",
+        "local controllers' decisions a second, replanning, a policy's step, and planning across a map",
         _plan,
     ),
     "act": (

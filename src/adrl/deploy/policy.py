@@ -138,7 +138,7 @@ def resolve_policy(policy: str | os.PathLike[str]) -> Path:
     if not folder.is_dir():
         raise CheckpointError(
             f"policy {str(policy)!r}: no such folder; give the folder of a finished training run, "
-            f"or one of {', '.join(SHIPPED)}; evaluations also take astar-dwa"
+            f"or one of {', '.join(SHIPPED)}; evaluations also take planners (adrl list)"
         )
     return folder
 

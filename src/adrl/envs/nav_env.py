@@ -57,7 +57,7 @@ class NavEnv(gymnasium.Env[F32, F32]):
         return observation[0], float(rewards[0]), bool(terminated[0]), bool(truncated[0]), _own(info)
 
     def expert_action(self) -> F32:
-        """(2,) action of A*+DWA, which knows everything, in the current state."""
+        """(2,) action of A* and the expert, which know everything, in the current state."""
         return self._env.expert_actions()[0]
 
     def render(self) -> NDArray[np.uint8] | None:
