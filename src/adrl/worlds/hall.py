@@ -17,7 +17,10 @@ from adrl.worlds.tasks import draw_in_new_world
 
 @dataclass(frozen=True, kw_only=True)
 class Hall:
-    """Frozen: how its numbers were chosen stands in docs/decisions.md."""
+    """Start and goal are at the two ends of a long hall; most of what stands between can be passed on either side.
+
+    Frozen: how its numbers were chosen stands in docs/decisions.md.
+    """
 
     name: str = "hall"
     length_m: float = 24.0
