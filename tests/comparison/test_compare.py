@@ -29,6 +29,7 @@ from adrl.errors import AdrlError, ConfigError, UnknownName
 from adrl.evaluation.metrics import SAMPLES, Episodes
 from adrl.evaluation.statistics import probability_of_improvement, seed_iqm, seed_mean
 from adrl.export.onnx_graph import to_onnx
+from adrl.runs import train
 from adrl.types import LidarConfig, RobotConfig
 from small_run import contents, run_cli
 from waiting import wait_until
@@ -72,6 +73,22 @@ class TestConfig:
             )
             assert (run.learner.seed, run.out, run.resume) == (4, Path("here"), True)
             assert run.method == (method if method in METHODS else "td3")
+
+    @pytest.mark.parametrize("given", [{"expert": "slow:0.5"}, {"dataset": Path("drives")}])
+    @pytest.mark.parametrize("literal", [False, True])
+    def test_one_expert_for_all_whom_it_concerns(self, given: dict[str, Any], literal: bool) -> None:
+        """S of rl-reward, which does not imitate, is measured against it, too; td3 and SB3 know of none."""
+        config = CompareConfig(methods="all", paper_literal=literal, learner=BUDGET, **given)
+        ((option, value),) = given.items()
+        left = {"expert": "perfect", "dataset": None}[option]
+        for method in (*METHODS, *SB3_METHODS):
+            run = config.run(method, 0, Path("here"))
+            learner = run.resolved()
+            concerned = learner.schedule.imitates or learner.needs_probe
+            assert getattr(run, option) == (value if concerned else left), method
+        expected = left if literal else value  # S as printed has no bounds to measure
+        assert getattr(config.run("rl-reward", 0, Path("here")), option) == expected
+        assert getattr(config.run("td3", 0, Path("here")), option) == left
 
     @pytest.mark.parametrize(
         ("options", "error"),
@@ -395,6 +412,31 @@ def test_methods_may_be_added_but_not_become_others(tmp_path: Path, monkeypatch:
         compare(config)
     assert contents(tmp_path) == whole, "a refusal touches nothing"
     compare(more)  # whoever does not ask for it goes on
+
+
+@pytest.mark.parametrize("expert", ["slow:0.5", "few:2"])
+def test_s_of_every_method_has_the_bounds_of_the_same_expert(
+    expert: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Eq 13 of a method that does not imitate: what the comparison's expert earns, or its drives where they are all."""
+    told: dict[str, Any] = {}
+    monkeypatch.setattr("adrl.agents.train.train", lambda *_, **given: told.update(given))
+    config = CompareConfig(
+        methods="adrl,rl-reward",
+        expert=expert,
+        num_envs=8,
+        task_pool=4,
+        demonstration_steps=64,
+        learner=BUDGET,
+    )
+    bounds = []
+    for method in config.method_names:
+        run = config.run(method, 0, tmp_path / method)
+        train(run)
+        learner = run.resolved()
+        bounds.append(told["probe"].bounds(0.5, learner.td3.gamma, learner.reward))
+        assert (told["demonstrations"] is not None) is learner.schedule.imitates, "they are not learned from"
+    assert bounds[0] == bounds[1]
 
 
 def test_each_job_compiles_into_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

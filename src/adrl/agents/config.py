@@ -137,6 +137,16 @@ class TrainConfig:
         """Whether S matters: to the reward's weights, or to the release of the expert."""
         return self.dynamic_reward or self.schedule.releases
 
+    @property
+    def needs_probe(self) -> bool:
+        """Whether S is measured against what an expert earns (eq 13)."""
+        return self.measures_maturity and self.schedule.needs_probe
+
+    @property
+    def uses_expert(self) -> bool:
+        """Whether it matters who the expert is: to what is imitated, or to the bounds of S."""
+        return self.schedule.imitates or self.needs_probe
+
     def literal(self) -> Self:
         """The same constants with every equation as printed."""
         return replace(

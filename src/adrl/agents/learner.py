@@ -52,7 +52,7 @@ class Learner:
             raise ConfigError(
                 "the method imitates and needs demonstrations; collect some, or take another method"
             )
-        if config.measures_maturity and config.schedule.needs_probe and probe is None:
+        if config.needs_probe and probe is None:
             raise ConfigError("the maturity S is measured against a probe (adrl.imitation.probe); record one")
         self._config = config
         self._rng = rng

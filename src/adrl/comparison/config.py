@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import tyro
 
 from adrl.agents.config import TrainConfig
-from adrl.agents.methods import METHODS, method_config
+from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
 from adrl.baselines.planners import PLANNER, PLANNERS
 from adrl.baselines.tuned import TUNED
@@ -115,9 +115,8 @@ class CompareConfig(RunConfig):
         known = "td3" if method in SB3_METHODS else method
         values |= {"method": known, "out": out, "learner": replace(self.learner, seed=seed)}
         values["resume"] = self.env == NATIVE  # other simulators keep no state
-        if not method_config(known, self.learner).schedule.imitates:
-            values |= {"dataset": None, "expert": PERFECT}
-        return RunConfig(**values)
+        alone = RunConfig(**values | {"dataset": None, "expert": PERFECT})
+        return RunConfig(**values) if alone.resolved().uses_expert else alone
 
     def title(self) -> str:
         """What all results share, in a line."""

@@ -73,9 +73,9 @@ class RunConfig(Place):
         _check_horizon(learner)
         chosen = find_expert(self.expert) != find_expert(PERFECT)
         for name, given in (("dataset", self.dataset is not None), ("expert", chosen)):
-            if given and not learner.schedule.imitates:
+            if given and not learner.uses_expert:
                 raise ConfigError(
-                    f"method {method_name(self.method)!r} learns without demonstrations; leave out {name}"
+                    f"method {method_name(self.method)!r} learns without an expert; leave out {name}"
                 )
         if self.dataset is not None and chosen:
             raise ConfigError(

@@ -121,12 +121,13 @@ def _train(
     """The run in its environment."""
     began_s = time.monotonic()
     tell("demonstrations")
-    probed = run.learner.measures_maturity and run.learner.schedule.needs_probe
-    demonstrates = run.learner.schedule.imitates and run.config.dataset is None
+    imitates, probed = run.learner.schedule.imitates, run.learner.needs_probe
+    shown = imitates or (probed and _no_more_is_shown(run))
+    demonstrates = shown and run.config.dataset is None
     planner = best_planner(env) if probed or demonstrates else None
     if planner is not None:
         env.expert = planner.controller
-    demonstrations = _demonstrations(run, env) if run.learner.schedule.imitates else None
+    demonstrations = _demonstrations(run, env) if shown else None
     demonstrated_s = time.monotonic()
     probe = None
     if probed:
@@ -151,7 +152,7 @@ def _train(
             env,
             run.folder,
             policy_config=about,
-            demonstrations=demonstrations,
+            demonstrations=demonstrations if imitates else None,
             probe=probe,
             mirror=env.sim.encoder.mirror,
             start=run.start,
@@ -173,10 +174,14 @@ def _probe(run: Run, planner: str, demonstrations: Demonstrations | None) -> Pro
     env.expert = planner
     seed, steps = run.learner.seed, probe_steps(run.learner.td3.gamma)
     probe = record_probe(env, seed, steps, run.expert.driver(env, seed).actions)
-    no_more = run.config.dataset is not None or getattr(run.expert, "drives", None) is not None
-    if demonstrations is not None and no_more:
+    if demonstrations is not None and _no_more_is_shown(run):
         return replace(probe, expert=as_shown(demonstrations, steps))
     return probe
+
+
+def _no_more_is_shown(run: Run) -> bool:
+    """Whether the demonstrations are all there is of the expert: it cannot be asked to drive on."""
+    return run.config.dataset is not None or getattr(run.expert, "drives", None) is not None
 
 
 def _demonstrations(run: Run, env: NavVectorEnv) -> Demonstrations:
