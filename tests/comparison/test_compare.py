@@ -18,8 +18,8 @@ from adrl.agents import checkpoint
 from adrl.agents.config import Td3Config, TrainConfig
 from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
-from adrl.comparison.compare import claim, compare
-from adrl.comparison.config import CompareConfig, differences, from_document
+from adrl.comparison.compare import claim, compare, require_same
+from adrl.comparison.config import DRIVING, CompareConfig, differences, from_document
 from adrl.comparison.jobs import Job, all_jobs, run_job
 from adrl.comparison.pool import cache_path, log_path, run_all
 from adrl.comparison.results import Evaluated, markdown, method_rows, read_runs
@@ -412,6 +412,31 @@ def test_methods_may_be_added_but_not_become_others(tmp_path: Path, monkeypatch:
         compare(config)
     assert contents(tmp_path) == whole, "a refusal touches nothing"
     compare(more)  # whoever does not ask for it goes on
+
+
+def test_results_that_were_driven_otherwise_are_not_gone_on_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seeds on both sides of a change of planners or waypoints do not compare, whatever the options."""
+    monkeypatch.setattr("adrl.comparison.compare.run_all", no_work)
+    config = CompareConfig(methods="adrl,td3", learner=BUDGET, out=tmp_path / "out")
+    compare(config)
+    path = tmp_path / "out" / "settings.json"
+    content = json.loads(path.read_text())
+    assert content["driving"] == DRIVING
+    compare(config)
+    without = {name: value for name, value in content.items() if name != "driving"}
+    for before, number in ((without, 1), (content | {"driving": DRIVING + 1}, DRIVING + 1)):
+        path.write_text(json.dumps(before))
+        whole = contents(tmp_path)
+        for asked in (config, replace(config, methods="rl-bc"), replace(config, seeds=20)):
+            with pytest.raises(ConfigError, match=rf"driving {number} there.*--out") as refused:
+                compare(asked)
+            assert "\n" not in str(refused.value)
+            assert contents(tmp_path) == whole, "a refusal touches nothing"
+        require_same(config, config.out)  # tables of what is complete
+        with pytest.raises(ConfigError, match="episodes"):
+            require_same(replace(config, episodes=7), config.out)
 
 
 @pytest.mark.parametrize("expert", ["slow:0.5", "few:2"])

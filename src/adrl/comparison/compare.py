@@ -3,13 +3,13 @@
 from collections.abc import Callable, Container
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 from adrl import files
 from adrl.agents.budget import require_end
 from adrl.agents.saved_run import learner_of_before
 from adrl.baselines import SB3_METHODS, require_sb3
-from adrl.comparison.config import CompareConfig, differences
+from adrl.comparison.config import DRIVING, CompareConfig, differences
 from adrl.comparison.jobs import EPISODES_FILE, Job, all_jobs, concatenated, is_finished
 from adrl.comparison.pool import log_path, run_all
 from adrl.comparison.ray_pool import require_ray, run_on_ray
@@ -82,6 +82,8 @@ def _run(
 
 
 class _Claimed(TypedDict):
+    driving: NotRequired[int]
+    """Absent before it was recorded: 1."""
     settings: dict[str, Any]
     methods: dict[str, dict[str, Any]]
 
@@ -89,37 +91,61 @@ class _Claimed(TypedDict):
 def claim(config: CompareConfig, folder: Path) -> None:
     """Write what a folder's results share, and what its methods are; methods may be added.
 
-    Raises ConfigError where it has results of something else.
+    Raises ConfigError where it has results of something else, or ones that were driven otherwise than today.
     """
-    path, settings, methods = folder / SETTINGS_FILE, config.settings(), config.method_settings()
+    methods = config.method_settings()
     known: dict[str, Any] = {}
-    if path.exists():
-        try:
-            content = read_json(path, _Claimed)
-        except FileError as error:
-            raise CheckpointError(
-                f"{path} {error}; these are not the settings of a comparison: give another folder"
-            ) from None
-        found: dict[str, Any] = UNKNOWN_BEFORE | without_constants(CompareConfig, content["settings"])
-        if isinstance(found.get("learner"), dict):
-            found["learner"] = learner_of_before(found["learner"])
-        known = {name: learner_of_before(learner) for name, learner in content["methods"].items()}
-        if lines := differences(found, settings):
+    if (claimed := _claimed(folder)) is not None:
+        if (driving := claimed.get("driving", 1)) != DRIVING:
             raise ConfigError(
-                f"{folder} holds results of other settings ({'; '.join(lines)}); "
-                "give another folder, or the settings of before"
+                f"{folder} was begun when planners, demonstrations or waypoints were others (driving {driving} there, "
+                f"{DRIVING} here); finish it with the version that began it, or give another --out"
             )
-        asked_again = {name: methods[name] for name in known.keys() & methods.keys()}
-        if lines := differences(known, known | asked_again):
-            raise ConfigError(
-                f"{folder} holds results of methods that are others today ({'; '.join(lines)}); "
-                "give another folder, or the version of before"
-            )
-    else:
-        require_folder("out", folder, SETTINGS_FILE)
+        _require_same(config, folder, claimed)
+        known = claimed["methods"]
     if methods.keys() - known.keys():
-        content = {"schema_version": SCHEMA_VERSION, "settings": settings, "methods": known | methods}
-        files.write_json(path, content)
+        content = {"schema_version": SCHEMA_VERSION, "driving": DRIVING, "settings": config.settings()}
+        files.write_json(folder / SETTINGS_FILE, content | {"methods": known | methods})
+
+
+def require_same(config: CompareConfig, folder: Path) -> None:
+    """For reading results that are complete, whatever drove then. Raises ConfigError as claim does, but for that."""
+    if (claimed := _claimed(folder)) is not None:
+        _require_same(config, folder, claimed)
+
+
+def _claimed(folder: Path) -> _Claimed | None:
+    """What a folder's results share, with the names and options of today; None of a folder without results."""
+    path = folder / SETTINGS_FILE
+    if not path.exists():
+        require_folder("out", folder, SETTINGS_FILE)
+        return None
+    try:
+        content = read_json(path, _Claimed)
+    except FileError as error:
+        raise CheckpointError(
+            f"{path} {error}; these are not the settings of a comparison: give another folder"
+        ) from None
+    settings: dict[str, Any] = UNKNOWN_BEFORE | without_constants(CompareConfig, content["settings"])
+    if isinstance(settings.get("learner"), dict):
+        settings["learner"] = learner_of_before(settings["learner"])
+    methods = {name: learner_of_before(learner) for name, learner in content["methods"].items()}
+    return {**content, "settings": settings, "methods": methods}
+
+
+def _require_same(config: CompareConfig, folder: Path, claimed: _Claimed) -> None:
+    if lines := differences(claimed["settings"], config.settings()):
+        raise ConfigError(
+            f"{folder} holds results of other settings ({'; '.join(lines)}); "
+            "give another folder, or the settings of before"
+        )
+    known, methods = claimed["methods"], config.method_settings()
+    asked_again = {name: methods[name] for name in known.keys() & methods.keys()}
+    if lines := differences(known, known | asked_again):
+        raise ConfigError(
+            f"{folder} holds results of methods that are others today ({'; '.join(lines)}); "
+            "give another folder, or the version of before"
+        )
 
 
 def _write_tables(config: CompareConfig, jobs: list[Job]) -> list[dict[str, Any]]:

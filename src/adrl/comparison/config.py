@@ -24,6 +24,15 @@ from adrl.worlds import load_robot
 
 ALL = "all"
 EVAL_INTERVAL_STEPS = 16_000
+DRIVING = 2
+"""Number of what drives, and of what it is shown: results with another one are not gone on with. It grows when
+planners, who demonstrates, what S is measured against, or what a guidance shows change without an option of theirs.
+
+1: A*+DWA takes a rectangle for two discs, and demonstrates to every robot; replan shows the next waypoint, near or
+   far; S of a method that does not imitate is measured against the perfect expert.
+2: A*+DWA has the exact footprint, and the planner that suits the robot demonstrates; replan shows waypoints lookahead_m
+   away; S of all methods of a comparison is measured against its one expert.
+"""
 NOT_SHARED = (
     "methods",
     "policies",

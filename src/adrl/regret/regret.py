@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from adrl.comparison.compare import claim, compare
+from adrl.comparison.compare import claim, compare, require_same
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.jobs import Job, all_jobs, is_finished
 from adrl.comparison.results import outcomes
@@ -116,7 +116,7 @@ def scores(comparisons: Mapping[str, CompareConfig]) -> tuple[Scores, dict[str, 
         return None
     success, time_s, common_s = [], [], {}
     for cell, config in complete.items():
-        claim(config, config.out)
+        require_same(config, config.out)
         runs = _columns(config)
         robot = load_robot(config.robot)
         success.append(runs["success"].mean(axis=2))
