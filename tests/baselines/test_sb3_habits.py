@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from gymnasium.spaces import Box
 
 from adrl.agents.config import Td3Config, TrainConfig
 from adrl.agents.failures import FAILURE_STEPS
@@ -136,6 +137,22 @@ def test_the_failure_share_of_a_batch_leads_to_failures(rows: int) -> None:
         assert is_one_of(rows_of(fields), kept).all()
     assert buffer.failures.size() == min(leading.sum(), buffer.failures.buffer_size)
     assert buffer.failures.dones[: buffer.failures.size()].sum() >= 1
+
+
+def test_failures_cost_a_tenth_of_the_replay_s_memory() -> None:
+    """Ten times as many failing steps as there is room for keep the newest; a small replay has room for one failure."""
+    spaces = Box(-1.0, 1.0, (40,), np.float32), Box(-1.0, 1.0, (2,), np.float32)
+    replay = HabitReplay(8000, *spaces, n_envs=NUM_ENVS)
+    sizes = [
+        sum(array.nbytes for array in vars(buffer).values() if isinstance(array, np.ndarray))
+        for buffer in (replay, replay.failures)
+    ]
+    assert sizes[1] == pytest.approx(0.1 * sizes[0], rel=0.01)
+    for step in range(1000):
+        rows, every = np.full((NUM_ENVS, 40), step / 1000, np.float32), np.ones(NUM_ENVS)
+        replay.add(rows, rows, rows[:, :2], every, every, [{"is_success": False}] * NUM_ENVS)
+    assert replay.failures.observations.min() == pytest.approx(0.9)
+    assert HabitReplay(16, *spaces, n_envs=NUM_ENVS).failures.buffer_size == FAILURE_STEPS
 
 
 def test_arrivals_and_timeouts_are_no_failures() -> None:

@@ -26,6 +26,8 @@ from adrl.baselines.sb3_policies import NormedSacPolicy, NormedTanhMeanPolicy, N
 from adrl.observation import Mirror
 from adrl.types import ACTION_SIZE
 
+FAILURES_KEPT = 0.1
+"""Rows kept for failures, as a share of the replay's: allocated beside it, and each holds a step a second time."""
 POLICIES = {"TD3": NormedTd3Policy, "SAC": NormedSacPolicy, "PPO": NormedTanhMeanPolicy}
 
 
@@ -67,8 +69,9 @@ class HabitReplay(NStepReplayBuffer):
         """mirror: None mirrors nothing. The rest is the library's."""
         super().__init__(buffer_size, *spaces, n_envs=n_envs, **options)
         self._mirror, self._failure_share = mirror, failure_share
-        self.failures = NStepReplayBuffer(buffer_size, *spaces, n_envs=1, **options)
-        """The last FAILURE_STEPS rows, or fewer, of each episode that failed, kept a second time."""
+        to_failures = max(round(FAILURES_KEPT * buffer_size), FAILURE_STEPS)
+        self.failures = NStepReplayBuffer(to_failures, *spaces, n_envs=1, **options)
+        """The last FAILURE_STEPS rows, or fewer, of each episode that failed; the newest where they are too many."""
 
     def add(
         self,
