@@ -8,8 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.agents.config import TrainConfig
+from adrl.agents.interface import Mask
 from adrl.agents.jump_start import JumpStart
 from adrl.deploy.policy import MlpPolicy
+from adrl.errors import CheckpointError
 from adrl.types import ACTION_SIZE
 
 F32 = NDArray[np.float32]
@@ -35,7 +37,7 @@ class Explorer:
         """longest_demonstration: in steps, see JumpStart.horizon."""
         self._noise_std = np.linspace(*config.exploration_std, num_envs, dtype=np.float32)[:, None]
         self._jumps = config.guide == "jump-start"
-        self._jump = JumpStart(longest_demonstration if self._jumps else 0)
+        self._jump = JumpStart.start(longest_demonstration if self._jumps else 0, num_envs)
 
     def act(self, acting: Acting | None, observation: F32, steps: F32, rng: np.random.Generator) -> F32:
         """(N, 2) actions. acting: None as long as nothing has been learnt, and actions are uniform. steps: (N,) of the
@@ -52,16 +54,22 @@ class Explorer:
         guided = steps < self._jump.guided_steps
         return np.where(guided[:, None], acting.guide.act(observation), action)
 
-    def count(self, ended: int, succeeded: int) -> None:
-        """Tell of the episodes that a step ended."""
+    def count(self, ended: Mask, success: Mask) -> None:
+        """Tell which episodes (N,) a step ended, and where the goal was reached."""
         if self._jumps:
-            self._jump = self._jump.after(ended, succeeded)
+            self._jump = self._jump.after(ended, success)
 
     def numbers(self) -> dict[str, Any]:
         """The state, for JSON; empty where there is none."""
         return self._jump._asdict() if self._jumps else {}
 
     def restore(self, numbers: Mapping[str, Any]) -> None:
-        """Continue from numbers()."""
-        if self._jumps:
-            self._jump = JumpStart(**numbers)
+        """Continue from numbers(). Raises CheckpointError if they are of another number of robots."""
+        if not self._jumps:
+            return
+        jump = JumpStart(**numbers)
+        if len(jump.awaited) != len(self._jump.awaited):
+            raise CheckpointError(
+                f"the checkpoint's curriculum is of {len(jump.awaited)} robots, not {len(self._jump.awaited)}"
+            )
+        self._jump = jump

@@ -31,10 +31,12 @@ class Curriculum(TypedDict, total=False):
     """Numbers of jump_start.JumpStart."""
 
     horizon: Count
+    awaited: list[Count]
     stage: Count
-    best: float
-    ended: Count
     succeeded: Count
+    windows: Count
+    average: float
+    best: float
 
 
 class SavedRun(TypedDict):

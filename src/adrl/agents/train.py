@@ -191,7 +191,7 @@ class _Run:
         rewards = reward(terms, features, maturity, self.config.reward)
         ended, gamma = terminated | truncated, self.config.td3.gamma
         returns = self._tally.add(rewards, ended, info["success"], gamma)
-        self._explorer.count(int(ended.sum()), int((ended & info["success"]).sum()))
+        self._explorer.count(ended, info["success"])
         # The robots that explore least tell best what the actor itself would earn.
         self._returns = returns[np.flatnonzero(ended) < max(len(ended) // 4, 1)].tolist()
         self._observation = np.array(observation, dtype=np.float32)
