@@ -2,9 +2,9 @@
 
     python docs/tune_planners.py --planner astar-mppi --trials 61
 
-One set of constants for every robot and place. The first trial has
-the constants that stand in the core. Every trial is written to docs/results/classical.json when it ends; the same
-command goes on until there are so many. The best ones are copied by hand to the headers in core/control.
+One set of constants for every robot and place. A trial drives all of CELLS. The first trial has the constants that
+stand in the core. Every trial is written to docs/results/classical.json when it ends; the same command goes on until
+there are so many. The best ones are copied by hand to the headers in core/control.
 """
 
 import json
@@ -35,7 +35,10 @@ CELLS = (
     ("diffbot", "dynamic", "map", 24),
     ("jackal", "dynamic", "map", 16),
 )
-"""Robot, scenario, guidance, and how many validation tasks: more where planners fail."""
+"""Robot, scenario, guidance, and how many validation tasks: more where planners fail.
+
+All with the true map (`map`). On a map of its own (`replan`) a planner has the same constants; none is tuned there.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
