@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from adrl.evaluation.statistics import Interval, entry
-from adrl.reproduction.reported import LABELS
+from adrl.reproduction.reported import label
 
 REPRODUCES, CONTRARY, UNDECIDED = "reproduces", "does not reproduce", "undecided"
 UNMEASURED, NOT_JUDGED = "was not measured", "not judged"
@@ -53,7 +53,7 @@ def judged(
         word = REPRODUCES if all(low > 0.0 for low, _ in sides) else UNDECIDED
     numbers = [] if math.isnan(value) else [f"{value:.3g}"]
     numbers += [
-        signed(interval) if rival in (ZERO, WITHOUT) else f"less {LABELS[rival]} {signed(interval)}"
+        signed(interval) if rival in (ZERO, WITHOUT) else f"less {label(rival)} {signed(interval)}"
         for rival, interval in differences.items()
     ]
     return Verdict(place, word, "; ".join(numbers), differences)

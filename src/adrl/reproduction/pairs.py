@@ -1,7 +1,7 @@
 """One method against another in the kept results, and whether ADRL is above its baselines as the project asks.
 
 Seed s of one method is paired with seed s of the other, on the same test tasks; the pairs are what the bootstrap
-resamples. The planner has no seeds: its one run is every seed's partner.
+resamples. A planner has no seeds: its one run is every seed's partner.
 """
 
 import math
@@ -21,7 +21,7 @@ from adrl.evaluation.statistics import (
     seed_mean,
     wilson_interval,
 )
-from adrl.reproduction.reported import LABELS, METHODS, OURS, PLANNER
+from adrl.reproduction.reported import METHODS, OURS, OWN_MAP, PLANNER, label
 from adrl.reproduction.results import NO_SEED, Columns, Results
 
 PAIRED = ("success", *OVER_SUCCESSES)
@@ -66,15 +66,34 @@ def pairs(
     return found
 
 
+def untrained_rivals(results: Results, scenario: str, guidance: str) -> dict[str, tuple[str, str]]:
+    """Name -> method and guidance of what ADRL is held against that was not trained, where ADRL has this guidance.
+
+    One that knows the map is held against every evaluation of ADRL's, one on its own map against that with the
+    replanner: what it sees is the same.
+    """
+    return {
+        method + (OWN_MAP if driven == "replan" else ""): (method, driven)
+        for method, several in results.untrained(scenario).items()
+        for driven in several
+        if driven in ("map", guidance)
+    }
+
+
+def rivals(results: Results, scenario: str, guidance: str) -> dict[str, tuple[str, str]]:
+    """Name -> method and guidance of all that ADRL is held against where it has this guidance."""
+    trained = {name: (name, guidance) for name in METHODS if name != OURS}
+    return trained | untrained_rivals(results, scenario, guidance)
+
+
 def paired_rows(results: Results, scenario: str) -> list[dict[str, Any]]:
-    """For each evaluation and each other method, ADRL less that method: PAIRED with `_low` and `_high`, and the means.
+    """For each evaluation and each of its rivals, ADRL less that rival: PAIRED with `_low` and `_high`, and the means.
 
     seeds: pairs of them; common_tasks: mean over them of the tasks that both reached.
     """
     rows = []
     for guidance in results.about["scenarios"][scenario]["evaluated"]:
-        for rival in (*(name for name in METHODS if name != OURS), PLANNER):
-            theirs = (rival, "map" if rival == PLANNER else guidance)
+        for rival, theirs in rivals(results, scenario, guidance).items():
             found = pairs(results, scenario, (OURS, guidance), theirs)
             if not (seeds := len(found["success"][0])):
                 continue
@@ -121,56 +140,93 @@ class Criterion:
 
 
 def criteria(results: Results, scenario: str) -> list[Criterion]:
-    """Success above every baseline's with intervals that do not overlap; time and optimality no worse than A*+DWA's.
+    """What is asked of ADRL in each evaluation in which it and one of its rivals were driven.
 
-    The three of each evaluation in which ADRL and one of the baselines were driven.
+    Success above every rival's with intervals that do not overlap; time and optimality no worse than A*+DWA's, as the
+    paper has it; and each planner's success or time, one of them beaten and ADRL no worse in the other.
     """
     rows = paired_rows(results, scenario)
     found = []
     for guidance in results.about["scenarios"][scenario]["evaluated"]:
-        rivals = {row["rival"]: row for row in rows if row["guidance"] == guidance}
-        if rivals:
-            found.append(_success_criterion(results, scenario, guidance, rivals))
-        if PLANNER in rivals:
-            found.append(_no_worse(rivals[PLANNER], "time_s", "time", 2, " s"))
-            found.append(_no_worse(rivals[PLANNER], "optimality", "optimality", 3))
+        met = {row["rival"]: row for row in rows if row["guidance"] == guidance}
+        if met:
+            found.append(_success_criterion(results, scenario, guidance, met))
+        if PLANNER in met:
+            found.append(_no_worse(met[PLANNER], "time_s", "time", 2, " s"))
+            found.append(_no_worse(met[PLANNER], "optimality", "optimality", 3))
+        for rival, theirs in untrained_rivals(results, scenario, guidance).items():
+            if rival in met:
+                found.append(_success_or_time(results, met[rival], theirs))
     return found
 
 
+def _apart(results: Results, scenario: str, ours: tuple[str, str], theirs: tuple[str, str]) -> int:
+    """1 where our success is above theirs and the intervals do not overlap, -1 where it is below so, else 0."""
+    own, other = (success_interval(results, scenario, *whose) for whose in (ours, theirs))
+    return int(own.low > other.high) - int(own.high < other.low)
+
+
 def _success_criterion(
-    results: Results, scenario: str, guidance: str, rivals: Mapping[str, Mapping[str, Any]]
+    results: Results, scenario: str, guidance: str, met: Mapping[str, Mapping[str, Any]]
 ) -> Criterion:
-    ours = success_interval(results, scenario, OURS, guidance)
-    groups: dict[str, list[str]] = {"above, apart": [], "intervals overlap": [], "below, apart": []}
-    for rival, row in rivals.items():
-        theirs = success_interval(results, scenario, rival, "map" if rival == PLANNER else guidance)
-        apart = "above, apart" if ours.low > theirs.high else "below, apart"
-        group = apart if ours.low > theirs.high or ours.high < theirs.low else "intervals overlap"
-        groups[group].append(f"{LABELS[rival]} ({percent(theirs)}; {points(row)})")
-    listed = "; ".join(f"{group}: {', '.join(names)}" for group, names in groups.items() if names)
-    holds = not groups["intervals overlap"] and not groups["below, apart"]
+    words = {1: "above, apart", 0: "intervals overlap", -1: "below, apart"}
+    groups: dict[int, list[str]] = {side: [] for side in words}
+    driven = rivals(results, scenario, guidance)
+    for rival, row in met.items():
+        theirs = success_interval(results, scenario, *driven[rival])
+        side = _apart(results, scenario, (OURS, guidance), driven[rival])
+        groups[side].append(f"{label(rival)} ({percent(theirs)}; {points(row)})")
+    listed = "; ".join(f"{words[side]}: {', '.join(names)}" for side, names in groups.items() if names)
     return Criterion(
         scenario,
         guidance,
         "is ADRL's success above every baseline's, with intervals that do not overlap?",
-        "yes" if holds else "no",
-        f"ADRL {percent(ours)} %; {listed}",
+        "no" if groups[0] or groups[-1] else "yes",
+        f"ADRL {percent(success_interval(results, scenario, OURS, guidance))} %; {listed}",
+    )
+
+
+def _success_or_time(results: Results, row: Mapping[str, Any], theirs: tuple[str, str]) -> Criterion:
+    """Above in success where the two intervals are apart, as everywhere; all else is of the paired differences."""
+    scenario, guidance, name = row["scenario"], row["guidance"], label(row["rival"])
+    verdict = "undecided"
+    if row["success_low"] is not None and row["time_s_low"] is not None:
+        more_success = _apart(results, scenario, (OURS, guidance), theirs) == 1
+        less_time = row["time_s_high"] < 0.0
+        if row["success_high"] < 0.0 or row["time_s_low"] > 0.0:
+            verdict = "no"
+        elif (more_success and row["time_s_high"] <= 0.0) or (less_time and row["success_low"] >= 0.0):
+            verdict = "yes"
+    return Criterion(
+        scenario,
+        guidance,
+        f"is ADRL above {name} in success or in time, with intervals apart, and no worse in the other?",
+        verdict,
+        f"ADRL - {name} {points(row)}, {_signed(row, 'time_s', 2, ' s')}",
     )
 
 
 def _no_worse(row: Mapping[str, Any], metric: str, name: str, decimals: int, unit: str = "") -> Criterion:
-    estimate, low, high = (row[metric + end] for end in ("", "_low", "_high"))
+    low, high = (row[metric + end] for end in ("_low", "_high"))
     verdict = "undecided"
     if low is not None and (high <= 0.0 or low > 0.0):
         verdict = "yes" if high <= 0.0 else "no"
-    ends = "" if low is None else f" [{low:+.{decimals}f}, {high:+.{decimals}f}]"
-    number = "no task in common" if estimate is None else f"{estimate:+.{decimals}f}{unit}{ends}"
     return Criterion(
         row["scenario"],
         row["guidance"],
         f"is ADRL's {name} no worse than A*+DWA's, on the tasks that both reached?",
         verdict,
-        f"ADRL - A*+DWA {number}",
+        f"ADRL - A*+DWA {_signed(row, metric, decimals, unit)}",
+    )
+
+
+def _signed(row: Mapping[str, Any], metric: str, decimals: int, unit: str) -> str:
+    """A difference with its interval."""
+    estimate, low, high = (row[metric + end] for end in ("", "_low", "_high"))
+    if estimate is None:
+        return "no task in common"
+    return f"{estimate:+.{decimals}f}{unit}" + (
+        "" if low is None else f" [{low:+.{decimals}f}, {high:+.{decimals}f}]"
     )
 
 

@@ -30,6 +30,16 @@ LABELS: dict[str, str] = {
 }
 """Our method's name -> the paper's."""
 
+OWN_MAP = " on its own map"
+"""Ends the name of a planner that is driven on a map of its own scans."""
+
+
+def label(name: str) -> str:
+    """What a method, or a planner on its own map, is called in tables; its own name where the paper has none."""
+    method = name.removesuffix(OWN_MAP)
+    return LABELS.get(method, method) + name[len(method) :]
+
+
 OURS, PLANNER = "adrl", "astar-dwa"
 CLASSICAL = ("astar-mppi", "astar-pursuit")
 """Planners beside the paper's."""

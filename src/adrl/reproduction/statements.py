@@ -7,22 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from adrl.evaluation.learning_time import steady_from, steady_level
-from adrl.evaluation.statistics import Interval
-from adrl.reproduction.claims import (
-    CONTRARY,
-    REPRODUCES,
-    UNDECIDED,
-    UNMEASURED,
-    WITHOUT,
-    ZERO,
-    Claim,
-    Verdict,
-    judged,
-)
+from adrl.reproduction.claims import ZERO, Claim, judged
 from adrl.reproduction.numbers import late_growth, oscillation, promised_too_much
-from adrl.reproduction.pairs import EVALUATIONS, Seeds, difference, pairs
-from adrl.reproduction.reported import ABLATIONS, LABELS, OURS, PLANNER, RIVALS
+from adrl.reproduction.pairs import Seeds, difference
+from adrl.reproduction.reported import ABLATIONS, OURS, RIVALS
 from adrl.reproduction.results import Array, Results
+from adrl.reproduction.table_1 import table_1
 
 LEVEL_CAVEAT = (
     "Only with this caveat: rewards differ (their weights follow S in ADRL and RL-Reward and are static in the "
@@ -33,14 +23,12 @@ OTHERS_CAVEATS = {
     "sb3-sac": "SAC's Q includes its entropy bonus.",
     "sb3-ppo": "PPO's curve is its value estimate V.",
 }
-SIMPLE = "clutter"
-"""The place that is not a complex environment."""
 Curve = Mapping[str, Array]
 
 
 def claims(results: Results) -> list[Claim]:
     """Every statement of section IV, in its order."""
-    return [*_setup(), *_fig_4(results), *_fig_5(results), *_fig_6(results), *_table_1(results), *_rest()]
+    return [*_setup(), *_fig_4(results), *_fig_5(results), *_fig_6(results), *table_1(results), *_rest()]
 
 
 @dataclass(frozen=True)
@@ -184,123 +172,6 @@ def _of_curves(
         verdicts.append(judged(scenario, differences, higher=higher, value=value))
     caveats = [measure.caveat, *(OTHERS_CAVEATS[n] for n in (method, *rivals) if n in OTHERS_CAVEATS)]
     return Claim(where, text, measure.unit, " ".join(caveats), tuple(verdicts))
-
-
-def _table_1(results: Results) -> list[Claim]:
-    """A verdict a place and evaluation, but for clutter: the paper's table is of complex environments."""
-    places = [place for place in results.scenarios if place != SIMPLE] or results.scenarios
-
-    def claim(text: str, method: str, metric: str, higher: bool, *rivals: str) -> Claim:
-        verdicts = [
-            judged(
-                f"{place}, {EVALUATIONS[guidance]}",
-                {rival: _less(results, place, guidance, metric, method, rival) for rival in rivals},
-                higher=higher,
-            )
-            for place in places
-            if not results.lacks(place, {method, *rivals})
-            for guidance in results.about["scenarios"][place]["evaluated"]
-        ]
-        return Claim("Table I", text, _UNITS[metric], verdicts=tuple(verdicts))
-
-    shared = ("td3bc", "sb3-sac", "sb3-ppo")
-
-    def bests(*rivals: str) -> list[Claim]:
-        return [
-            claim("ADRL has the highest success rate", OURS, "success", True, *rivals),
-            claim("ADRL has the shortest navigation time", OURS, "time_s", False, *rivals),
-            claim("ADRL has the best path quality", OURS, "optimality", False, *rivals),
-        ]
-
-    return [
-        claim("A*+DWA has a high success rate: above TD3+BC, SAC and PPO", PLANNER, "success", True, *shared),
-        claim("A*+DWA has the longest navigation time", PLANNER, "time_s", True, *shared, OURS),
-        claim(
-            "TD3+BC has a low success rate: below A*+DWA and ADRL", "td3bc", "success", False, PLANNER, OURS
-        ),
-        claim(
-            "TD3+BC is slow: slower than SAC, PPO and ADRL",
-            "td3bc",
-            "time_s",
-            True,
-            "sb3-sac",
-            "sb3-ppo",
-            OURS,
-        ),
-        *(
-            claim(
-                f"{LABELS[name]} has a moderate success rate: below A*+DWA and ADRL",
-                name,
-                "success",
-                False,
-                PLANNER,
-                OURS,
-            )
-            for name in ("sb3-sac", "sb3-ppo")
-        ),
-        *(
-            claim(
-                f"{LABELS[name]} sacrifices efficiency: longer paths than A*+DWA, TD3+BC and ADRL",
-                name,
-                "optimality",
-                True,
-                PLANNER,
-                "td3bc",
-                OURS,
-            )
-            for name in ("sb3-sac", "sb3-ppo")
-        ),
-        *bests(*(name for name in (PLANNER, *RIVALS) if name != OURS)),
-        *_replanner(results),
-        _all_metrics(bests(*shared)),
-    ]
-
-
-_UNITS = {
-    "success": "difference of success",
-    "time_s": "s, on the tasks that both reached",
-    "optimality": "path / shortest path, on the tasks that both reached",
-}
-
-
-def _less(results: Results, place: str, guidance: str, metric: str, method: str, rival: str) -> Interval:
-    """A method's metric less a rival's, in an evaluation."""
-    return difference(*pairs(results, place, _driven(method, guidance), _driven(rival, guidance))[metric])
-
-
-def _driven(method: str, guidance: str) -> tuple[str, str]:
-    return method, "map" if method == PLANNER else guidance
-
-
-def _replanner(results: Results) -> list[Claim]:
-    """ADRL with the replanner against ADRL without it."""
-    found = []
-    for text, metric, higher in (
-        ("The replanner raises ADRL's success rate", "success", True),
-        ("The replanner makes ADRL more efficient: less time", "time_s", False),
-        ("The replanner makes ADRL more efficient: shorter paths", "optimality", False),
-    ):
-        verdicts = []
-        for scenario in results.scenarios:
-            if not {"goal", "replan"} <= set(results.about["scenarios"][scenario]["evaluated"]):
-                continue
-            both = pairs(results, scenario, (OURS, "replan"), (OURS, "goal"))[metric]
-            verdicts.append(judged(scenario, {WITHOUT: difference(*both)}, higher=higher))
-        found.append(
-            Claim("Table I", text, f"{_UNITS[metric]}, with less without it", verdicts=tuple(verdicts))
-        )
-    return found
-
-
-def _all_metrics(bests: Sequence[Claim]) -> Claim:
-    """A statement about every metric is refuted by one, and holds where all do."""
-    verdicts = []
-    for several in zip(*(claim.verdicts for claim in bests), strict=True):
-        words = [verdict.word for verdict in several]
-        worst = next((word for word in (CONTRARY, UNMEASURED, UNDECIDED) if word in words), REPRODUCES)
-        verdicts.append(Verdict(several[0].place, worst, f"success, time and path: {', '.join(words)}"))
-    text = "ADRL outperforms fixed BC (TD3+BC) and pure RL (SAC, PPO) in all metrics under identical training budgets"
-    return Claim("IV.B", text, verdicts=tuple(verdicts))
 
 
 def _rest() -> list[Claim]:
