@@ -15,15 +15,34 @@ namespace {
 
 using Flat8 = In<std::uint8_t, nb::shape<-1>>;
 
-void check(const ControllerConfig &controller) {
-    const auto *mppi = std::get_if<MppiConfig>(&controller);
-    if (mppi == nullptr) return;
-    if (mppi->batch_size < 1 || mppi->batch_size > kMaxMppiBatch || mppi->time_steps < 1 ||
-        mppi->time_steps > kMaxMppiSteps)
+bool positive(double value) { return value > 0.0 && std::isfinite(value); }
+
+void check(const DwaConfig &dwa) {
+    if (!(positive(dwa.lookahead) && positive(dwa.horizon_s) && positive(dwa.comfort_m)))
+        throw nb::value_error("dwa: lookahead_m, horizon_s or comfort_m is not positive");
+    if (!(dwa.margin_m >= 0.0)) throw nb::value_error("dwa: margin_m is negative");
+}
+
+void check(const PursuitConfig &pursuit) {
+    if (!(positive(pursuit.min_lookahead_dist) && positive(pursuit.cost_scaling_dist)))
+        throw nb::value_error("pursuit: min_lookahead_dist or cost_scaling_dist is not positive");
+    if (!(pursuit.max_lookahead_dist >= pursuit.min_lookahead_dist))
+        throw nb::value_error("pursuit: max_lookahead_dist is less than min_lookahead_dist");
+    if (!(pursuit.margin_m >= 0.0)) throw nb::value_error("pursuit: margin_m is negative");
+}
+
+void check(const MppiConfig &mppi) {
+    if (mppi.batch_size < 1 || mppi.batch_size > kMaxMppiBatch || mppi.time_steps < 1 ||
+        mppi.time_steps > kMaxMppiSteps)
         throw nb::value_error("mppi: batch_size or time_steps is not positive, or more than MPPI_MOST");
-    if (!(mppi->temperature > 0.0 && mppi->model_dt > 0.0 && mppi->inflation_m > 0.0 && mppi->collision_margin_m > 0.0))
+    if (!(positive(mppi.temperature) && positive(mppi.model_dt) && positive(mppi.inflation_m) &&
+          positive(mppi.collision_margin_m)))
         throw nb::value_error("mppi: temperature, model_dt, inflation_m or collision_margin_m is not positive");
-    if (!(std::abs(mppi->noise_correlation) <= 1.0)) throw nb::value_error("mppi: noise_correlation is not in [-1, 1]");
+    if (!(std::abs(mppi.noise_correlation) <= 1.0)) throw nb::value_error("mppi: noise_correlation is not in [-1, 1]");
+}
+
+void check(const ControllerConfig &controller) {
+    std::visit([](const auto &config) { check(config); }, controller);
 }
 
 std::unique_ptr<BoundControl> make_control(int num_robots, int num_threads, const Robot &robot,

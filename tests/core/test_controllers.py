@@ -275,15 +275,28 @@ def test_mppi_is_its_numpy_twin(end: tuple[float, float], circle: tuple[float, f
 
 
 @pytest.mark.parametrize(
-    "values",
+    ("kind", "name", "value"),
     [
-        dict(batch_size=0),
-        dict(time_steps=65),
-        dict(temperature=0.0),
-        dict(collision_margin_m=0.0),
-        dict(noise_correlation=1.1),
+        ("mppi", "batch_size", 0),
+        ("mppi", "time_steps", 65),
+        ("mppi", "temperature", 0.0),
+        ("mppi", "collision_margin_m", 0.0),
+        ("mppi", "noise_correlation", 1.1),
+        ("dwa", "lookahead_m", 0.0),
+        ("dwa", "horizon_s", 0.0),
+        ("dwa", "horizon_s", math.inf),
+        ("dwa", "comfort_m", 0.0),
+        ("dwa", "comfort_m", math.nan),
+        ("dwa", "margin_m", -0.01),
+        ("pursuit", "cost_scaling_dist", 0.0),
+        ("pursuit", "min_lookahead_dist", 0.0),
+        ("pursuit", "max_lookahead_dist", 0.1),
+        ("pursuit", "margin_m", -0.01),
     ],
 )
-def test_constants_that_mean_nothing_are_refused(values: dict[str, float]):
-    with pytest.raises(ValueError, match="mppi"):
-        LocalControl(1, ROBOTS["diffbot"], small(**values))
+def test_constants_that_mean_nothing_are_refused(kind: str, name: str, value: float):
+    robot = ROBOTS["diffbot"]
+    config = CONTROLLERS[kind](robot)
+    setattr(config, name, value)
+    with pytest.raises(ValueError, match=f"{kind}: .*{name}"):
+        LocalControl(1, robot, config)
