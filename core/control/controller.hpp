@@ -25,10 +25,9 @@ class LocalController {
     virtual ~LocalController() = default;
     // How far from the robot's position obstacles matter, metres.
     virtual double reach(const Footprint &footprint, const DriveLimits &limits, double dt_s) const = 0;
-    // Numbers that it remembers of a robot from one decision to the next; all 0 for one that has just started.
-    virtual int memory_size() const { return 0; }
-    // The command for the next control period, within the limits. memory: memory_size() numbers of this robot. Owns
-    // scratch, so one thread at a time; the same situation and memory give the same bytes.
+    // The command for the next control period, within the limits. memory: what it remembers of this robot from one
+    // decision to the next, all 0 for one that has just started; how many numbers its constants tell. Owns scratch, so
+    // one thread at a time; the same situation and memory give the same bytes.
     virtual Twist command(const Situation &now, double *memory) = 0;
 };
 

@@ -19,7 +19,8 @@ std::unique_ptr<LocalController> make_controller(const ControllerConfig &config,
 }
 
 int control_memory(const ControllerConfig &config) {
-    return kRecoveryMemory + make_controller(config, {}, {}, 0.1)->memory_size();
+    const auto *mppi = std::get_if<MppiConfig>(&config);
+    return kRecoveryMemory + (mppi == nullptr ? 0 : mppi_memory(*mppi));
 }
 
 LocalControl::LocalControl(int num_robots, int num_threads, ControlSetup setup, double *memory)

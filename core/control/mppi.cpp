@@ -192,8 +192,6 @@ class Mppi final : public LocalController {
         return travel(limits, dt_s) + footprint.radius + config_.inflation_m;
     }
 
-    int memory_size() const override { return 2 * config_.time_steps; }
-
     Twist command(const Situation &now, double *memory) override {
         prepare(now);
         roll(now, memory);
@@ -382,6 +380,8 @@ class Mppi final : public LocalController {
 };
 
 } // namespace
+
+int mppi_memory(const MppiConfig &config) { return 2 * config.time_steps; }
 
 std::vector<float> mppi_noise(const MppiConfig &config) {
     const int steps = config.time_steps, count = config.batch_size;

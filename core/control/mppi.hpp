@@ -40,7 +40,10 @@ struct MppiConfig {
 // Samples 2 k and 2 k + 1 have the same speeds and opposite yaw rates.
 std::vector<float> mppi_noise(const MppiConfig &config);
 
-// The rollouts know limits, accelerations and lag of the base, and moving discs where they will be. Remembers the mean.
+// Numbers that it remembers of a robot: the mean, a speed and a yaw rate a step.
+int mppi_memory(const MppiConfig &config);
+
+// The rollouts know limits, accelerations and lag of the base, and moving discs where they will be.
 std::unique_ptr<LocalController> make_mppi(const MppiConfig &config, const Footprint &footprint,
                                            const DriveLimits &limits, double dt_s);
 

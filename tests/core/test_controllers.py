@@ -300,3 +300,10 @@ def test_constants_that_mean_nothing_are_refused(kind: str, name: str, value: fl
     setattr(config, name, value)
     with pytest.raises(ValueError, match=f"{kind}: .*{name}"):
         LocalControl(1, robot, config)
+
+
+@pytest.mark.parametrize("steps", [1, 8, 64])
+def test_mppi_remembers_two_numbers_a_step_beside_what_every_controller_does(steps: int):
+    own = _core.control_memory(small(time_steps=steps)) - _core.control_memory(_core.DwaConfig())
+    assert own == 2 * steps
+    assert _core.control_memory(_core.PursuitConfig()) == _core.control_memory(_core.DwaConfig())
