@@ -13,13 +13,14 @@ from scipy.ndimage import label
 
 from adrl.benchmarks.act import bench_act
 from adrl.benchmarks.learn import bench_learn, flops_per_update
-from adrl.benchmarks.plan import SIDE, _query, bench_controllers, bench_map, bench_replan
+from adrl.benchmarks.plan import SIDE, _query, bench_controllers, bench_map, bench_replan, rate_key
 from adrl.benchmarks.sim import bench_sim
 from adrl.benchmarks.timing import median_seconds, rate_per_second
 from adrl.commands.bench import _gather
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig, ObservationEncoder
+from adrl.planning.local_control import CONTROLLERS
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import GUIDANCE, RobotConfig
@@ -59,8 +60,9 @@ def test_plan(tmp_path: Path) -> None:
     path = write_map(tmp_path, [[254] * 120] * 120, resolution=0.1)
     results = bench_controllers(num_envs=4, num_threads=1, seconds=0.02, rounds=1)
     assert (results["envs"], results["threads"]) == (4, 1)
-    for rate in ("decisions_per_second", "mppi_decisions_per_second", "pursuit_decisions_per_second"):
-        assert results[rate] > 0.0
+    assert {"decisions_per_second", "mppi_decisions_per_second"} <= results.keys()
+    for controller in CONTROLLERS:
+        assert results[rate_key(controller)] > 0.0
     across = bench_map(path, rounds=1)
     assert (across["map"], across["cells"], across["queries"]) == ("map.yaml", [120, 120], 50)
     assert 0.0 < across["median_ms"] <= across["p95_ms"]

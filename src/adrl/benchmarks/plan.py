@@ -14,7 +14,7 @@ from adrl.benchmarks.timing import median_seconds, rate_per_second, require_roun
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
 from adrl.observation import in_robot_frame
-from adrl.planning.local_control import CONTROLLERS, LocalControl
+from adrl.planning.local_control import CONTROLLERS, DWA, LocalControl
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array, OccupancyGrid, RobotConfig, Task
@@ -29,7 +29,7 @@ SIDE = 400
 def bench_controllers(
     *, num_envs: int = 512, num_threads: int = 0, seconds: float = 1.0, rounds: int = 5
 ) -> dict[str, Any]:
-    """Decisions a second of the local controllers on `complex`, diffbots under way; those of A*+DWA first."""
+    """Decisions a second of the local controllers on `complex`, diffbots under way; see rate_key."""
     if num_envs < 1:
         raise ConfigError(f"envs is {num_envs}; give 1 or more")
     require_rounds(rounds, seconds)
@@ -53,15 +53,18 @@ def bench_controllers(
             for _ in range(20):  # so that the robots are among obstacles, not at rest at their starts
                 sim.step(sim.expert_actions())
             of_rounds.append(rate_per_second(decide, seconds))
-        rates[name] = statistics.median(of_rounds)
+        rates[rate_key(name)] = statistics.median(of_rounds)
     return {
         "schema_version": 1,
-        "decisions_per_second": rates["dwa"],
-        "mppi_decisions_per_second": rates["mppi"],
-        "pursuit_decisions_per_second": rates["pursuit"],
+        **rates,
         "threads": sim.num_threads,
         "envs": num_envs,
     }
+
+
+def rate_key(controller: str) -> str:
+    """Under which the results have the decisions a second of a controller; DWA's name stood alone once."""
+    return "decisions_per_second" if controller == DWA else f"{controller}_decisions_per_second"
 
 
 def bench_map(path: Path, unknown: Unknown = "solid", *, rounds: int = 3) -> dict[str, Any]:
