@@ -16,6 +16,7 @@ from adrl import registry
 from adrl.api import PLANNER
 from adrl.baselines.planners import PLANNERS
 from adrl.deploy import Navigator, Odometry, Scan, find_policy
+from adrl.envs import NavSim
 from adrl.errors import AdrlError, CheckpointError, ConfigError, MissingExtra, UnknownName
 from adrl.export.onnx_graph import to_onnx
 from adrl.observation import Measurements, ObservationDecoder, to_action
@@ -72,6 +73,21 @@ class Remembers(PurePursuit):
         assert (self.steps >= 0).all()
         self.steps += 1
         return super().act(observation)
+
+
+class LooksIn(PurePursuit):
+    """Drives by what the simulator holds, and keeps it; whether it is led tells what it says of itself."""
+
+    guidance = "replan"
+    guidances = ("map", "replan")
+
+    def act_in(self, sim: NavSim) -> F32:
+        self.sim = sim
+        return super().act(sim.observe())
+
+
+class PlansItself(LooksIn):
+    plans_itself = True
 
 
 def run_navigator(navigator: Navigator, steps: int) -> Array:
@@ -184,6 +200,22 @@ class TestNames:
 
 
 class TestDriving:
+    def test_the_replanner_leads_every_policy_but_one_that_plans_itself(self) -> None:
+        """One that looks into the simulator is led, too; its waypoints are the replanner's, not the goal."""
+        for policy, led in ((LooksIn(), True), (PlansItself(), False)):
+            adrl.evaluate(policy, scenario="rooms", episodes=2, num_threads=1)
+            sim = policy.sim
+            assert (sim.replanner is not None) == led
+            goals = np.array([task.goal for task in sim.tasks if task is not None])
+            assert np.allclose(sim.b["waypoint"], goals) != led
+
+    def test_equations_as_printed_are_for_those_that_the_replanner_leads(self) -> None:
+        assert adrl.evaluate(LooksIn(), episodes=1, num_threads=1, paper_literal=True).summary[
+            "paper_literal"
+        ]
+        with pytest.raises(ConfigError, match="makes its own routes"):
+            adrl.evaluate(PlansItself(), episodes=1, num_threads=1, paper_literal=True)
+
     def test_pure_pursuit_follows_the_map_and_is_named(self) -> None:
         result = adrl.evaluate(PurePursuit(), episodes=10, num_threads=1)
         summary = result.summary

@@ -29,7 +29,8 @@ class ClassicalPolicy:
     foresee: ClassVar[bool] = True
     """With the true map, moving discs are where they will be; otherwise they stand where they are."""
     guidance = "map"
-    guidances = ("map", "replan")
+    guidances: tuple[str, ...] = ("map", "replan")
+    plans_itself = True
     training_worlds: tuple[str, ...] = ()
 
     def __init__(self) -> None:

@@ -43,6 +43,8 @@ class ResolvedPolicy:
     robot: RobotConfig | None = None
     """The robot it was made for; None for any."""
     encoder: EncoderConfig | Encoder = field(default_factory=EncoderConfig)
+    plans_itself: bool = False
+    """Whether it makes its own routes: with guidance `replan` no replanner makes any for it."""
     encoder_inside: bool = False
     """Whether it encodes measurements by itself, as one of its own robot."""
     guidance: str = "goal"
@@ -183,6 +185,7 @@ def _described(policy: Any, text: str | None) -> ResolvedPolicy:
         key: getattr(policy, key)
         for key in (
             "method",
+            "plans_itself",
             "encoder_inside",
             "guidance",
             "replanner",

@@ -144,7 +144,7 @@ def evaluate(
                 replanner=constants,
                 maturity=driver.maturity,
                 taken_as=taken_as,
-                plans_itself=driver.knows_the_world,
+                plans_itself=driver.plans_itself,
             ),
             encoder=own,
             seed=seed,
@@ -186,7 +186,7 @@ def _require_replanner(driver: ResolvedPolicy, guidance: str) -> None:
         raise ConfigError(
             f"paper_literal sets the equations of guidance replan, and guidance is {guidance}; give replan"
         )
-    if driver.knows_the_world:
+    if driver.plans_itself:
         raise ConfigError(
             f"paper_literal sets equations of the replanner, and {driver.name} makes its own routes; leave it out"
         )
