@@ -150,3 +150,19 @@ def test_what_is_not_foreseen_has_a_name_of_its_own():
         assert PLANNERS[name]().foresee
         assert not PLANNERS[f"{name}-static"]().foresee
         assert PLANNERS[f"{name}-static"]().method == f"{name}-static"
+
+
+@each_planner
+@pytest.mark.parametrize("guidance", ["map", "replan"])
+def test_a_robot_begins_when_it_has_a_task(name: str, guidance: str):
+    """Beside one without a task a robot drives as if alone; the other one then does as well."""
+    task = behind_a_wall(np.empty((0, 3)))
+    alone = course(name, task, 6, guidance)
+    sim = NavSim(2, ROBOT, guidance=guidance, plans_itself=True)
+    policy = PLANNERS[name]()
+    for row in (1, 0):
+        sim.reset(np.array([row]), [task], np.zeros(1, np.uint64), np.random.default_rng(0))
+        for action in alone:
+            actions = policy.act_in(sim)
+            assert_array_equal(actions[row], action)
+            sim.step(actions)

@@ -59,7 +59,9 @@ class ClassicalPolicy:
                 self._driver = OwnMapDriver(
                     sim.num_envs, sim.robot, self._control, OWN_MAP, num_threads=threads
                 )
-        rows, self._starting = self._starting, np.zeros(0, np.intp)
+        # A robot without a task has nowhere to go yet, and begins when it has one.
+        has_task = np.array([sim.tasks[i] is not None for i in self._starting], dtype=bool)
+        rows, self._starting = self._starting[has_task], self._starting[~has_task]
         if sim.guidance != "replan":
             self._control.restart(rows)
             return sim.planned_actions(self._control)
