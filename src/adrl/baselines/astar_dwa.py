@@ -1,6 +1,6 @@
 """A*+DWA: a global path, followed by the dynamic window approach."""
 
-from adrl.baselines.classical import ClassicalPolicy
+from adrl.baselines.classical import ClassicalPolicy, WithoutForesight
 from adrl.planning.local_control import dwa_config
 
 
@@ -11,8 +11,7 @@ class AStarDwaPolicy(ClassicalPolicy):
     controller = staticmethod(dwa_config)
 
 
-class AStarDwaStaticPolicy(AStarDwaPolicy):
-    """The same, discs not foreseen."""
+class AStarDwaStaticPolicy(WithoutForesight, AStarDwaPolicy):
+    """The same, discs not foreseen; with the true map alone."""
 
     name = "astar-dwa-static"
-    foresee = False

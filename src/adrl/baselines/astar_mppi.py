@@ -1,6 +1,6 @@
 """A* and model predictive path integral control."""
 
-from adrl.baselines.classical import ClassicalPolicy
+from adrl.baselines.classical import ClassicalPolicy, WithoutForesight
 from adrl.planning.local_control import mppi_config
 
 
@@ -11,8 +11,7 @@ class AStarMppiPolicy(ClassicalPolicy):
     controller = staticmethod(mppi_config)
 
 
-class AStarMppiStaticPolicy(AStarMppiPolicy):
-    """The same, discs not foreseen."""
+class AStarMppiStaticPolicy(WithoutForesight, AStarMppiPolicy):
+    """The same, discs not foreseen; with the true map alone."""
 
     name = "astar-mppi-static"
-    foresee = False

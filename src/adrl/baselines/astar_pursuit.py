@@ -1,6 +1,6 @@
 """A* and regulated pure pursuit."""
 
-from adrl.baselines.classical import ClassicalPolicy
+from adrl.baselines.classical import ClassicalPolicy, WithoutForesight
 from adrl.planning.local_control import pursuit_config
 
 
@@ -11,8 +11,7 @@ class AStarPursuitPolicy(ClassicalPolicy):
     controller = staticmethod(pursuit_config)
 
 
-class AStarPursuitStaticPolicy(AStarPursuitPolicy):
-    """The same, discs not foreseen."""
+class AStarPursuitStaticPolicy(WithoutForesight, AStarPursuitPolicy):
+    """The same, discs not foreseen; with the true map alone."""
 
     name = "astar-pursuit-static"
-    foresee = False

@@ -71,3 +71,10 @@ class ClassicalPolicy:
             self._driver.restart(rows, goals.reshape(-1, 2), b["odometry"][rows])
         commands = self._driver.commands(b["ranges"], b["odometry"], b["twist"], b["active"].astype(bool))
         return to_action(commands, sim.robot)
+
+
+class WithoutForesight(ClassicalPolicy):
+    """Takes moving discs to stand still. On maps of their own all planners do, so this one drives with `map` alone."""
+
+    foresee = False
+    guidances = ("map",)

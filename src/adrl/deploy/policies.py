@@ -72,7 +72,7 @@ class ResolvedPolicy:
         possible = getattr(self.policy, "guidances", ("map",) if self.knows_the_world else GUIDANCE)
         if chosen not in possible:
             raise ConfigError(
-                f"policy {self.name} plans its way, so guidance {chosen} would say what is not so; "
+                f"policy {self.name} does not drive with guidance {chosen}; "
                 f"leave guidance out, or give {' or '.join(possible)}"
             )
         return chosen
