@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "control/footprint_balls.hpp"
+#include "control/mppi_footprint.hpp"
 #include "control/obstacle_field.hpp"
 #include "random.hpp"
 
@@ -142,44 +142,12 @@ ADRL_CLONES void nearest_on_path(Rollouts &r, int lanes, const PathPoints &path)
     }
 }
 
-// The lanes whose circumscribed disc is too near to something.
-struct Near {
-    alignas(64) float x[kMaxBatch], y[kMaxBatch], hx[kMaxBatch], hy[kMaxBatch], clear[kMaxBatch];
-    alignas(64) float ball_x[kMaxBatch], ball_y[kMaxBatch], distance[kMaxBatch];
-    int lane[kMaxBatch];
-};
-
-ADRL_CLONES void place_ball(Near &n, int count, const Ball &ball) {
-    const float bx = ball.x, by = ball.y;
-    for (int i = 0; i < count; ++i) {
-        n.ball_x[i] = n.x[i] + n.hx[i] * bx - n.hy[i] * by;
-        n.ball_y[i] = n.y[i] + n.hy[i] * bx + n.hx[i] * by;
-    }
-}
-
-ADRL_CLONES void lower_by_ball(Near &n, int count, float radius) {
-    for (int i = 0; i < count; ++i) {
-        const float d = n.distance[i] - radius;
-        n.clear[i] = d < n.clear[i] ? d : n.clear[i];
-    }
-}
-
-ADRL_CLONES void lower_by_ball_and_disc(Near &n, int count, float x, float y, float radius) {
-    for (int i = 0; i < count; ++i) {
-        const float dx = n.ball_x[i] - x;
-        const float dy = n.ball_y[i] - y;
-        const float d = std::sqrt(dx * dx + dy * dy) - radius;
-        n.clear[i] = d < n.clear[i] ? d : n.clear[i];
-    }
-}
-
 class Mppi final : public LocalController {
   public:
     Mppi(const MppiConfig &config, const Footprint &footprint, const DriveLimits &limits, double dt_s)
         : config_(config), lanes_((config.batch_size + kBlock - 1) / kBlock * kBlock),
           noise_(static_cast<std::size_t>(config.time_steps) * 2 * lanes_), weight_(lanes_),
-          balls_(footprint_balls(footprint, 0.9 * config.collision_margin_m)) {
-        for (const Ball &ball : balls_) inscribed_ = std::max(inscribed_, ball.radius);
+          footprint_(footprint, 0.9 * config.collision_margin_m) {
         field_.reserve(half_side(footprint, limits, dt_s));
         const std::vector<float> noise = mppi_noise(config);
         for (int row = 0; row < 2 * config.time_steps; ++row) {
@@ -284,34 +252,20 @@ class Mppi final : public LocalController {
         for (int i = 0; i < lanes_; ++i) r_.clear[i] -= body;
         const NearObstacles &all = now.obstacles;
         const int still = all.count(), count = now.obstacles.place_discs(after_s);
-        float disc_x[kMaxDiscs], disc_y[kMaxDiscs];
-        for (int k = still; k < count; ++k) {
-            const Vec2 p = seen({0.0, 0.0, now.pose.theta}, {all.ax[k], all.ay[k]});
-            disc_x[k - still] = static_cast<float>(p.x);
-            disc_y[k - still] = static_cast<float>(p.y);
-            lower_by_disc(r_, lanes_, disc_x[k - still], disc_y[k - still], all.radius[k] + body);
+        discs_.count = count - still;
+        for (int k = 0; k < discs_.count; ++k) {
+            const Vec2 p = seen({0.0, 0.0, now.pose.theta}, {all.ax[still + k], all.ay[still + k]});
+            discs_.x[k] = static_cast<float>(p.x);
+            discs_.y[k] = static_cast<float>(p.y);
+            discs_.radius[k] = all.radius[still + k];
+            lower_by_disc(r_, lanes_, discs_.x[k], discs_.y[k], discs_.radius[k] + body);
         }
-        score_room(r_, lanes_, body - inscribed_, static_cast<float>(config_.inflation_m), repulsion);
+        score_room(r_, lanes_, body - footprint_.inscribed(), static_cast<float>(config_.inflation_m), repulsion);
         if (now.footprint.is_disc()) return;
-        int near = 0;
-        for (int i = 0; i < lanes_; ++i) {
-            if (r_.clear[i] >= margin_ || r_.live[i] == 0.0F) continue;
-            near_.lane[near] = i;
-            near_.x[near] = r_.x[i];
-            near_.y[near] = r_.y[i];
-            near_.hx[near] = r_.hx[i];
-            near_.hy[near] = r_.hy[i];
-            near_.clear[near++] = body;
-        }
-        if (near == 0) return;
-        for (const Ball &ball : balls_) {
-            place_ball(near_, near, ball);
-            field_.look_up(near_.ball_x, near_.ball_y, near, near_.distance);
-            lower_by_ball(near_, near, ball.radius);
-            for (int k = 0; k < count - still; ++k)
-                lower_by_ball_and_disc(near_, near, disc_x[k], disc_y[k], all.radius[still + k] + ball.radius);
-        }
-        for (int k = 0; k < near; ++k) r_.clear[near_.lane[k]] = near_.clear[k];
+        footprint_.begin();
+        for (int i = 0; i < lanes_; ++i)
+            if (r_.clear[i] < margin_ && r_.live[i] != 0.0F) footprint_.add(i, r_.x[i], r_.y[i], r_.hx[i], r_.hy[i]);
+        footprint_.measure(field_, discs_, body, r_.clear);
     }
 
     // What the last poses cost: their way to a point beyond the farthest one of the path that samples reach.
@@ -371,9 +325,8 @@ class Mppi final : public LocalController {
     Rollouts r_;
     PathPoints path_;
     ObstacleField field_;
-    Near near_;
-    std::vector<Ball> balls_;
-    float inscribed_ = 0.0F; // radius of the greatest ball in the footprint
+    SeenDiscs discs_;
+    MppiFootprint footprint_;
     float margin_ = 0.0F;
     Vec2 goal_;
     bool near_goal_ = false;
