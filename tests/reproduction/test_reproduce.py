@@ -164,13 +164,13 @@ def test_the_commit_is_that_of_the_packages_own_checkout(
 @pytest.mark.slow
 @pytest.mark.integration
 def test_what_is_kept_is_what_was_run(tmp_path: Path) -> None:
-    """Two scenarios, an imitating method and a baseline of others; a second call repeats no run."""
+    """Two scenarios, an imitating method, a baseline of others, three planners; a second call repeats no run."""
     comparisons = {name: tiny(name, "adrl,sb3-ppo") for name in ("clutter", "complex")}
     told: list[tuple[int, int, int]] = []
     out = tmp_path / "results"
     failed = reproduce(comparisons, tmp_path, out, name="quick", on_change=lambda *state: told.append(state))
     assert failed == {}
-    assert told[-1] == (6, 0, 6)
+    assert told[-1] == (10, 0, 10)
     assert [state[0] for state in told] == sorted(state[0] for state in told), "the bar never goes back"
     results = kept.load(out)
     assert set(results.curves) == {(s, m, 0) for s in comparisons for m in ("adrl", "sb3-ppo")}
@@ -190,7 +190,7 @@ def test_what_is_kept_is_what_was_run(tmp_path: Path) -> None:
     assert (out / "fig7-routes-complex-replan.pdf").exists()
 
     (call,) = results.about["calls"]
-    assert call["jobs"] == 6
+    assert call["jobs"] == 10
     assert call["wall_s"] > sum(curve["wall_s"][-1] for curve in results.curves.values()) / call["cores"]
 
     before = contents(out)
@@ -224,7 +224,7 @@ def test_the_kept_files_alone_suffice_to_go_on(tmp_path: Path, monkeypatch: pyte
     assert {path.parent.name for path in second.glob("clutter/*/summary.json")} == {"td3-s1", "sb3-ppo-s1"}
     assert {job: contents(results / "clutter" / job) for job in ended} == ended
     whole = kept.load(results)
-    assert [call["jobs"] for call in whole.about["calls"]] == [3, 2], "that of the call before stays"
+    assert [call["jobs"] for call in whole.about["calls"]] == [5, 2], "that of the call before stays"
     assert whole.missing == {"clutter": []}
     assert [whole.seeds("clutter", method) for method in ("td3", "sb3-ppo")] == [2, 2]
     assert "not in it yet" not in (results / "README.md").read_text()
