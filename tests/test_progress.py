@@ -86,7 +86,7 @@ def test_the_last_bar_on_a_terminal_is_true(monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.integration
 def test_training_names_its_phases(tmp_path: object, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_cli("train", *SIZES, "--out", f"{tmp_path}/run") == 0
-    lines = capsys.readouterr().err.splitlines()
+    lines = [line for line in capsys.readouterr().err.splitlines() if re.match(r"\d+:\d\d ", line)]
     told = [line.split(", ")[1] for line in lines if " %" in line]
     wanted = ["0 %", "worlds", "demonstrations", "probe", "compilation", "training"]
     assert list(dict.fromkeys(told))[:6] == wanted
