@@ -9,6 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from adrl.envs import NavEnv, NavVectorEnv
+from adrl.observation import to_action
+from adrl.rewards import reward_terms
 from adrl.types import RobotConfig
 from adrl.worlds import ROBOTS, single_task
 from env_tasks import OneTask, quiet, room, straight_task
@@ -238,3 +240,13 @@ def test_every_ending_of_a_task_counts():
     *_, info = env.step(np.zeros((3, 2), np.float32))
     assert info["success"].tolist() == [True, True, False]
     assert env.state()["failure_rate"].tolist() == pytest.approx([0.7**2])
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_periods_are_what_a_step_is_paid_for(robot: str) -> None:
+    """A standing robot far from all pays eq 9's -1 a reference period."""
+    env = NavVectorEnv(3, robot=robot, task_pool=4, seed=0)
+    env.reset()
+    paid = env.step(to_action(np.zeros((3, 2)), env.robot))[-1]["reward_terms"]
+    motion = list(reward_terms(env.sim.reward)).index("motion")
+    np.testing.assert_allclose(-paid[:, motion], env.periods, rtol=1e-6)

@@ -20,6 +20,7 @@ from adrl.observation import EncoderConfig
 from adrl.planning.local_control import DWA
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward, reward_terms
+from adrl.rewards.step import reference_period_s
 from adrl.types import ACTION_SIZE, RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, robot_from_fields
 
@@ -141,6 +142,12 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
     def task(self, index: int) -> Task:
         """Task `index` of the split, one of num_tasks."""
         return self._pool[index]
+
+    @property
+    def periods(self) -> NDArray[np.float64]:
+        """(N,) length of a step of each row's present robot, in reference periods: what is paid and discounted for."""
+        robot = self.robot
+        return np.full(self.num_envs, robot.control_period_s / reference_period_s(robot.max_speed_mps))
 
     @property
     def maturity(self) -> float:
