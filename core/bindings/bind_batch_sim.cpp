@@ -29,16 +29,18 @@ std::shared_ptr<Task> make_task(std::shared_ptr<World> world, std::tuple<double,
 
 Robot make_robot(double radius, const In<double, Rows2> &corners, std::tuple<double, double, double> speed_limits,
                  int num_beams, double angle_min, double increment, std::tuple<double, double, double> mount,
-                 double max_range, double dt_s) {
+                 double max_range, double dt_s, double min_turning_radius) {
     if (num_beams < 1 || num_beams > 2048) throw nb::value_error("a LiDAR has 1 to 2048 beams");
     require_finite({std::get<0>(speed_limits), std::get<1>(speed_limits), std::get<2>(speed_limits)}, "speed_limits");
     require_finite({angle_min, increment}, "angle_min_rad or angle_increment_rad");
     require_finite({std::get<0>(mount), std::get<1>(mount), std::get<2>(mount)}, "mount");
     if (!(max_range > 0.0 && dt_s > 0.0)) throw nb::value_error("max_range_m or dt_s is not positive");
+    if (!(min_turning_radius >= 0.0)) throw nb::value_error("min_turning_radius_m is negative");
     DriveLimits limits;
     limits.max_speed = std::get<0>(speed_limits);
     limits.min_speed = std::get<1>(speed_limits);
     limits.max_yaw_rate = std::get<2>(speed_limits);
+    limits.min_turning_radius = min_turning_radius;
     return {make_footprint(radius, corners),
             limits,
             Beams(num_beams, angle_min, increment),
@@ -152,7 +154,7 @@ void bind_batch_sim(nb::module_ &m) {
     nb::class_<Robot>(m, "Robot")
         .def(nb::new_(&make_robot), nb::arg("radius_m"), nb::arg("footprint").noconvert(), nb::arg("speed_limits"),
              nb::arg("num_beams"), nb::arg("angle_min_rad"), nb::arg("angle_increment_rad"), nb::arg("mount"),
-             nb::arg("max_range_m"), nb::arg("dt_s"));
+             nb::arg("max_range_m"), nb::arg("dt_s"), nb::arg("min_turning_radius_m") = 0.0);
     nb::class_<SimConfig>(m, "SimConfig")
         .def(nb::init<>())
         .def_rw("clearance_limit_m", &SimConfig::clearance_limit)

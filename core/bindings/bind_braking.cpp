@@ -14,9 +14,11 @@ namespace {
 using Triple = std::tuple<double, double, double>;
 using Pair = std::tuple<double, double>;
 
-std::unique_ptr<Braking> make_braking(double radius, const In<double, Rows2> &corners, Triple response, double dt_s) {
+std::unique_ptr<Braking> make_braking(double radius, const In<double, Rows2> &corners, Triple response, double dt_s,
+                                      double min_turning_radius) {
     const auto [acceleration, yaw_acceleration, lag_s] = response;
     require_finite({acceleration, yaw_acceleration, lag_s, dt_s}, "response or dt_s");
+    if (!(min_turning_radius >= 0.0)) throw nb::value_error("min_turning_radius_m is negative");
     if (!(acceleration > 0.0 && yaw_acceleration > 0.0 && lag_s >= 0.0 && dt_s > 0.0)) {
         throw nb::value_error("response: give positive accelerations, a lag of 0 or more and a positive period");
     }
@@ -24,6 +26,7 @@ std::unique_ptr<Braking> make_braking(double radius, const In<double, Rows2> &co
     limits.max_acceleration = acceleration;
     limits.max_yaw_acceleration = yaw_acceleration;
     limits.lag_s = lag_s;
+    limits.min_turning_radius = min_turning_radius;
     return std::make_unique<Braking>(make_footprint(radius, corners), limits, dt_s);
 }
 
@@ -57,7 +60,7 @@ bool stays_clear(const Braking &self, Pair twist, const In<double, Rows3> &order
 void bind_braking(nb::module_ &m) {
     nb::class_<Braking>(m, "Braking")
         .def(nb::new_(&make_braking), nb::arg("radius_m"), nb::arg("footprint").noconvert(), nb::arg("response"),
-             nb::arg("dt_s"))
+             nb::arg("dt_s"), nb::arg("min_turning_radius_m") = 0.0)
         .def("roll", &roll, nb::arg("pose"), nb::arg("twist"), nb::arg("orders").noconvert())
         .def("stays_clear", &stays_clear, nb::arg("twist"), nb::arg("orders").noconvert(), nb::arg("hits").noconvert());
 }

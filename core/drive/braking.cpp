@@ -27,7 +27,7 @@ bool Braking::drive_on(DriveState &state, const Order &order, Visit visit) const
     for (double left = order.duration_s; left > 1e-9;) {
         const double span = std::min(left, dt_s_);
         const Twist next = advance_twist(state.twist, order.twist, limits_, span);
-        const Twist mean{0.5 * (state.twist.v + next.v), 0.5 * (state.twist.w + next.w)};
+        const Twist mean = mean_twist(state.twist, next, limits_);
         if (!visit(state.pose, mean, span)) return false;
         state.pose = integrate(state.pose, mean, span);
         state.twist = next;

@@ -14,9 +14,16 @@ Pose integrate(const Pose &pose, const Twist &twist, double dt_s) {
             wrap_angle(pose.theta + twist.w * dt_s)};
 }
 
+Twist steerable(const Twist &twist, const DriveLimits &limits) {
+    if (!limits.is_car()) return twist;
+    const double most = std::abs(twist.v) / limits.min_turning_radius;
+    return {twist.v, std::clamp(twist.w, -most, most)};
+}
+
 Twist clip_command(const Twist &command, const DriveLimits &limits) {
-    return {std::clamp(command.v, limits.min_speed, limits.max_speed),
-            std::clamp(command.w, -limits.max_yaw_rate, limits.max_yaw_rate)};
+    return steerable({std::clamp(command.v, limits.min_speed, limits.max_speed),
+                      std::clamp(command.w, -limits.max_yaw_rate, limits.max_yaw_rate)},
+                     limits);
 }
 
 namespace {
@@ -36,8 +43,13 @@ double response_of(const DriveLimits &limits, double dt_s) {
 
 Twist advance_twist(const Twist &twist, const Twist &command, const DriveLimits &limits, double dt_s) {
     const double response = response_of(limits, dt_s);
-    return {approach(twist.v, command.v, response, limits.max_acceleration * dt_s),
-            approach(twist.w, command.w, response, limits.max_yaw_acceleration * dt_s)};
+    return steerable({approach(twist.v, command.v, response, limits.max_acceleration * dt_s),
+                      approach(twist.w, command.w, response, limits.max_yaw_acceleration * dt_s)},
+                     limits);
+}
+
+Twist mean_twist(const Twist &from, const Twist &to, const DriveLimits &limits) {
+    return steerable({0.5 * (from.v + to.v), 0.5 * (from.w + to.w)}, limits);
 }
 
 Twist lead_lag(const Twist &wanted, const Twist &twist, const DriveLimits &limits, double dt_s) {

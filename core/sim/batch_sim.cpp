@@ -103,7 +103,7 @@ BatchSim::Moment BatchSim::when_acted(int i, const DriveLimits &limits) const {
         if (span_s <= 0.0) continue;
         const Twist due{history[2 * age] * params[kSpeedGain], history[2 * age + 1] * params[kYawGain]};
         const Twist next = advance_twist(then.twist, due, limits, span_s);
-        then.pose = integrate(then.pose, {0.5 * (then.twist.v + next.v), 0.5 * (then.twist.w + next.w)}, span_s);
+        then.pose = integrate(then.pose, mean_twist(then.twist, next, limits), span_s);
         then.twist = next;
         then.time_s += span_s;
     }
@@ -160,7 +160,7 @@ void BatchSim::step_one(int i) {
         const double *due = history + 2 * (delay.whole + 1 - part);
         const Twist wanted{due[0] * params[kSpeedGain], due[1] * params[kYawGain]};
         const Twist next = advance_twist(twist, wanted, limits, spans[part]);
-        const Twist mean{0.5 * (twist.v + next.v), 0.5 * (twist.w + next.w)};
+        const Twist mean = mean_twist(twist, next, limits);
         const Motion motion =
             drive(*task.world, robot_.footprint, pose, mean, time_s, spans[part], clear, config_.clearance_limit);
         odometry = integrate(odometry,

@@ -106,6 +106,7 @@ class Robot:
         mount: tuple[float, float, float],
         max_range_m: float,
         dt_s: float,
+        min_turning_radius_m: float = 0.0,
     ) -> None: ...
 
 class DwaConfig:
@@ -229,7 +230,12 @@ class Braking:
     """How a base responds to commands and comes to rest; see braking.hpp. response: greatest acceleration and yaw
     acceleration, lag_s. orders (S, 3): speed, yaw rate and seconds of each command, executed one after the other."""
     def __init__(
-        self, radius_m: float, footprint: F64, response: tuple[float, float, float], dt_s: float
+        self,
+        radius_m: float,
+        footprint: F64,
+        response: tuple[float, float, float],
+        dt_s: float,
+        min_turning_radius_m: float = 0.0,
     ) -> None: ...
     def roll(
         self, pose: tuple[float, float, float], twist: tuple[float, float], orders: F64

@@ -1,6 +1,7 @@
-"""How a differential drive moves: exact arcs, lag, limits, latency, gains and odometry."""
+"""How differential drives and cars move: exact arcs, lag, limits, latency, gains and odometry."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -78,9 +79,12 @@ def test_poses_and_twists_must_match():
 
 
 def twin_run(
-    start: Pose, commands: Array, dt_s: float, *, odometry: bool = False, **p: float
+    start: Pose, commands: Array, dt_s: float, *, odometry: bool = False, radius_m: float = 0.0, **p: float
 ) -> tuple[Array, Array]:
-    """(T, 3) poses, (T, 2) twists in the open: what is due, then lag and limits, then the arc."""
+    """(T, 3) poses, (T, 2) twists in the open: what is due, then lag and limits, then the arc.
+
+    radius_m: of the tightest curve of a car.
+    """
     pose, twist, history = start, (0.0, 0.0), [(0.0, 0.0)] * 9
     rows, twists = [], []
     errors = (
@@ -90,23 +94,28 @@ def twin_run(
     gain = (p.get("speed_gain", 1.0), p.get("yaw_gain", 1.0))
     whole, part = divmod(p.get("latency_s", 0.0) / dt_s, 1.0)
     for command in commands:
-        history = [(float(command[0]), float(command[1])), *history[:-1]]
+        history = [twins.steered((float(command[0]), float(command[1])), radius_m), *history[:-1]]
         for span, due in ((part * dt_s, int(whole) + 1), ((1.0 - part) * dt_s, int(whole))):
             if span <= 0.0:
                 continue
             wanted = [history[due][k] * gain[k] for k in (0, 1)]
             after = [twins.follow(twist[k], wanted[k], lag, acceleration[k], span) for k in (0, 1)]
-            mean = [0.5 * (twist[k] + after[k]) * (1.0 + errors[k]) for k in (0, 1)]
+            after = twins.steered((after[0], after[1]), radius_m)
+            arc = twins.steered((0.5 * (twist[0] + after[0]), 0.5 * (twist[1] + after[1])), radius_m)
+            mean = [arc[k] * (1.0 + errors[k]) for k in (0, 1)]
             pose = twins.integrate(pose, mean[0], mean[1] if abs(mean[1]) > 1e-9 else 0.0, span)
-            twist = (after[0], after[1])
+            twist = after
         rows.append(pose)
         twists.append(twist)
     return np.array(rows), np.array(twists)
 
 
-def run(commands: Array, start: Pose = (0.0, 0.0, 0.0), world: World = EMPTY, **p: Any) -> dict[str, Array]:
+def run(
+    commands: Array, start: Pose = (0.0, 0.0, 0.0), world: World = EMPTY, *, radius_m: float = 0.0, **p: Any
+) -> dict[str, Array]:
     """(T, ...) history of every float64 buffer of one robot of 3 m/s."""
-    fleet = Fleet([a_task(world, start=start)], a_robot(), **p).reset()
+    robot = replace(a_robot(), min_turning_radius_m=radius_m)
+    fleet = Fleet([a_task(world, start=start)], robot, **p).reset()
     rows = [fleet.step(command).snapshot() for command in commands]
     return {name: np.array([row[name][0] for row in rows]) for name in rows[0]}
 
@@ -142,6 +151,41 @@ def test_the_base_is_its_twin(base: str, seed: int, start: Pose):
     odometry, _ = twin_run(start, commands, 0.1, odometry=True, **BASES[base])
     assert_same_pose(got["odometry"], odometry, 1e-7)
     assert_allclose(got["time"], 0.1 * np.arange(1, 26), atol=1e-12)
+
+
+@pytest.mark.parametrize("base", BASES)
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**32 - 1), start=poses, radius_m=st.floats(0.05, 10.0))
+def test_a_car_is_its_twin_and_turns_no_tighter_than_it_can(
+    base: str, seed: int, start: Pose, radius_m: float
+):
+    """|w| R <= |v| in every twist and on every arc, whatever it is told, accelerating and through standstill too."""
+    commands = some_commands(seed)
+    got = run(commands, start, radius_m=radius_m, **BASES[base])
+    expected, twists = twin_run(start, commands, 0.1, radius_m=radius_m, **BASES[base])
+    assert_same_pose(got["pose"], expected, 1e-7)
+    assert_allclose(got["twist"], twists, atol=1e-9)
+    v, w = np.abs(got["twist"]).T
+    assert (w * radius_m <= v + STAYS).all()
+    turned = np.abs(np.diff(np.unwrap(np.concatenate([[start[2]], got["pose"][:, 2]]))))
+    driven = np.diff(np.concatenate([[0.0], got["travelled"]]))
+    assert (turned * radius_m <= driven + 1e-9).all()
+
+
+@given(seed=st.integers(0, 2**32 - 1), radius_m=st.floats(0.05, 10.0))
+def test_what_a_car_can_steer_it_does_as_any_other_robot(seed: int, radius_m: float):
+    """One command, held from standstill: both speeds rise alike, so no twist on the way is steeper than it."""
+    v, share = np.random.default_rng(seed).uniform(-1.0, 1.0, 2)
+    hold = np.tile([v, share * abs(v) / radius_m], (10, 1))
+    if abs(hold[0, 1]) > 2.9:
+        return
+    for name, array in run(hold, lag_s=0.15).items():
+        assert_allclose(run(hold, radius_m=radius_m, lag_s=0.15)[name], array, atol=1e-9)
+
+
+def test_a_car_does_not_turn_on_the_spot():
+    still = run(np.tile([0.0, 2.0], (10, 1)), radius_m=0.5)
+    assert_array_equal(still["pose"], 0.0)
 
 
 @pytest.mark.parametrize("k", range(8))

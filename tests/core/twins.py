@@ -245,3 +245,11 @@ def follow(value: float, command: float, lag_s: float, acceleration: float, dt_s
     """First-order lag towards a command, its change held to the acceleration limit."""
     change = (command - value) * (1.0 - math.exp(-dt_s / lag_s) if lag_s > 0.0 else 1.0)
     return value + min(acceleration * dt_s, max(-acceleration * dt_s, change))
+
+
+def steered(twist: tuple[float, float], radius_m: float) -> tuple[float, float]:
+    """What a car that turns no tighter than radius_m does of a twist; 0 turns on the spot."""
+    v, w = twist
+    if radius_m <= 0.0 or abs(w) * radius_m <= abs(v):
+        return twist
+    return v, math.copysign(abs(v) / radius_m, w)

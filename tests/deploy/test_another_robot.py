@@ -47,6 +47,7 @@ OTHERS = {
     "radius_m": 0.25,
     "max_speed_mps": 0.9,
     "min_speed_mps": -0.2,
+    "min_turning_radius_m": 0.4,
     "max_yaw_rate_radps": 1.0,
     "max_acceleration_mps2": 1.0,
     "max_yaw_acceleration_radps2": 3.0,

@@ -78,8 +78,11 @@ def test_what_gazebo_cannot_show_is_refused() -> None:
     for refused in (
         RobotConfig(lidar=LidarConfig(dropout_probability=0.1)),
         RobotConfig(odometry_drift=0.02),
+        RobotConfig(min_turning_radius_m=0.5),
     ):
-        with pytest.raises(ConfigError, match=r"dropout_probability is 0\.1|odometry_drift is 0\.02"):
+        with pytest.raises(
+            ConfigError, match=r"(dropout_probability|odometry_drift|turning_radius_m) is 0\."
+        ):
             robot_model(refused, "r", (0.0, 0.0, 0.0))
     outside = RobotConfig(radius_m=None, footprint_m=((0.1, -0.2), (0.5, -0.2), (0.5, 0.2), (0.1, 0.2)))
     with pytest.raises(ConfigError, match="origin"):

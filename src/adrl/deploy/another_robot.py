@@ -10,6 +10,7 @@ from adrl.types import RobotConfig
 UNREAD = frozenset(
     {
         "min_speed_mps",
+        "min_turning_radius_m",
         "max_acceleration_mps2",
         "max_yaw_acceleration_radps2",
         "lag_s",

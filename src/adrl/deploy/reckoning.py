@@ -143,4 +143,5 @@ def _base(robot: RobotConfig, strength: float) -> _core.Braking:
     """One with this share of the robot's accelerations."""
     accelerations = (strength * robot.max_acceleration_mps2, strength * robot.max_yaw_acceleration_radps2)
     response = (*accelerations, robot.lag_s)
-    return _core.Braking(robot.radius_m or 0.0, robot.polygon, response, robot.control_period_s)
+    shape = robot.radius_m or 0.0, robot.polygon
+    return _core.Braking(*shape, response, robot.control_period_s, robot.min_turning_radius_m)

@@ -73,7 +73,8 @@ class LidarConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class RobotConfig(HasNative):
-    """A differential-drive robot with a LiDAR. Give radius_m (a disc) or footprint_m (a convex polygon)."""
+    """A robot with a LiDAR that turns on the spot, or a car-like one. Give radius_m (a disc) or footprint_m (a convex
+    polygon)."""
 
     name: str = "diffbot"
     radius_m: Annotated[float, Range(0.01, 10.0)] | None = 0.2
@@ -89,6 +90,9 @@ class RobotConfig(HasNative):
     """Most negative forward speed, -50 to 0: 0 drives forward only, below 0 both ways."""
     max_yaw_rate_radps: Annotated[float, Range(0.01, 50.0)] = 1.5
     """Greatest yaw rate either way; 0.01 to 50."""
+    min_turning_radius_m: Annotated[float, Range(0.0, 10.0)] = 0.0
+    """Radius of the tightest curve of a car-like robot, 0 to 10, by its frame's origin, the middle of its rear axle; 0
+    turns on the spot. The base turns no faster than the speed over this radius, whatever it is told."""
     max_acceleration_mps2: Annotated[float, Range(0.01, 1000.0)] = 2.0
     """Greatest change of the speed, braking too; 0.01 to 1000."""
     max_yaw_acceleration_radps2: Annotated[float, Range(0.01, 1000.0)] = 6.0
@@ -141,6 +145,7 @@ class RobotConfig(HasNative):
             lidar.mount,
             lidar.max_range_m,
             self.control_period_s,
+            self.min_turning_radius_m,
         )
 
     def covers(self, points: Array) -> NDArray[np.bool_]:
@@ -156,6 +161,11 @@ class RobotConfig(HasNative):
         """
         too_far = way_m > BEYOND_SPEED * self.fastest_mps * seconds + SLIP_M
         return too_far | (abs(turn_rad) > BEYOND_SPEED * self.max_yaw_rate_radps * seconds + SLIP_RAD)
+
+    @property
+    def is_car(self) -> bool:
+        """Whether it cannot turn on the spot."""
+        return self.min_turning_radius_m > 0.0
 
     @property
     def fastest_mps(self) -> float:

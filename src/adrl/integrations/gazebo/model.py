@@ -91,8 +91,14 @@ def robot_model(robot: RobotConfig, name: str, pose: tuple[float, float, float])
     """The <model> of a robot that stands at the pose x, y, yaw on the ground.
 
     The collision `footprint` is the footprint of the config, so contact is what it is in our simulator. Raises
-    ConfigError for what Gazebo cannot show: dropouts of single beams, and odometry that drifts otherwise than by slip.
+    ConfigError for what Gazebo cannot show: a car, dropouts of single beams, and odometry that drifts otherwise than by
+    slip.
     """
+    if robot.is_car:
+        raise ConfigError(
+            f"robot {robot.name!r}: min_turning_radius_m is {robot.min_turning_radius_m}; "
+            "the model in Gazebo has two driven wheels and steers none, leave Gazebo out"
+        )
     if robot.lidar.dropout_probability > 0.0:
         raise ConfigError(
             f"robot {robot.name!r}: lidar.dropout_probability is {robot.lidar.dropout_probability}; "
