@@ -24,6 +24,7 @@ from adrl.planning.local_control import CONTROLLERS
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import GUIDANCE, RobotConfig
+from adrl.worlds import load_robot
 from map_files import write_map
 from small_run import run_cli
 
@@ -58,8 +59,8 @@ def test_sim(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_plan(tmp_path: Path) -> None:
     path = write_map(tmp_path, [[254] * 120] * 120, resolution=0.1)
-    results = bench_controllers(num_envs=4, num_threads=1, seconds=0.02, rounds=1)
-    assert (results["envs"], results["threads"]) == (4, 1)
+    results = bench_controllers(robot=load_robot("jackal"), num_envs=4, num_threads=1, seconds=0.02, rounds=1)
+    assert (results["robot"], results["envs"], results["threads"]) == ("jackal", 4, 1)
     assert {"decisions_per_second", "mppi_decisions_per_second"} <= results.keys()
     for controller in CONTROLLERS:
         assert results[rate_key(controller)] > 0.0

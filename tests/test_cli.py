@@ -242,7 +242,7 @@ class TestTrain:
         assert config["settings"]["learner"]["steps"] == 4096
         versions = json.loads((run / "versions.json").read_text())
         assert {"python", "adrl", "numpy", "jax"} <= versions.keys()
-        assert versions["planner"].startswith("A*+dwa: ")
+        assert versions["planner"].startswith("A*+DWA: ")
         assert json.loads((run / "config.json").read_text())["environment"]["planner"] == "dwa"
 
     def test_metrics_come_at_every_interval(self, run: Path) -> None:

@@ -85,7 +85,7 @@ def test_metadata_tells_where_it_is_from(dataset: Path) -> None:
     assert about["robot"]["name"] == "turtlebot3_burger"
     assert about["encoder"]["num_sectors"] == 36
     assert about["extra"] == {"expert": "perfect", "seed": 1}
-    assert about["demonstrator"] == "A*+dwa, expert perfect, with noise"
+    assert about["demonstrator"] == "A*+DWA, expert perfect, with noise"
 
 
 def test_another_name_is_no_other_robot(recorded: Demonstrations, env: NavVectorEnv, dataset: Path) -> None:

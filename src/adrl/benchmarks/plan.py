@@ -27,13 +27,18 @@ SIDE = 400
 
 
 def bench_controllers(
-    *, num_envs: int = 512, num_threads: int = 0, seconds: float = 1.0, rounds: int = 5
+    *,
+    robot: RobotConfig | None = None,
+    num_envs: int = 512,
+    num_threads: int = 0,
+    seconds: float = 1.0,
+    rounds: int = 5,
 ) -> dict[str, Any]:
-    """Decisions a second of the local controllers on `complex`, diffbots under way; see rate_key."""
+    """Decisions a second of the local controllers on `complex`, robots (diffbot when None) under way; see rate_key."""
     if num_envs < 1:
         raise ConfigError(f"envs is {num_envs}; give 1 or more")
     require_rounds(rounds, seconds)
-    robot = RobotConfig()
+    robot = robot or RobotConfig()
     tasks = task_set(get_scenario("complex"), robot, "validation", min(num_envs, 64))
     sim = NavSim(num_envs, robot, guidance="map", num_threads=num_threads)
     everyone = np.arange(num_envs)
@@ -56,6 +61,7 @@ def bench_controllers(
         rates[rate_key(name)] = statistics.median(of_rounds)
     return {
         "schema_version": 1,
+        "robot": robot.name,
         **rates,
         "threads": sim.num_threads,
         "envs": num_envs,

@@ -14,6 +14,7 @@ from adrl.benchmarks.sim import bench_sim
 from adrl.commands.options import Runner, parse, subcommand
 from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
 from adrl.outputs import require_file
+from adrl.worlds import load_robot
 from adrl.worlds.ros_map import Unknown
 
 
@@ -43,6 +44,8 @@ class SimOptions:
 class PlanOptions:
     """The planners."""
 
+    robot: str = "diffbot"
+    """Whose local controllers decide: a robot's name (adrl list), or a TOML file."""
     map: Path | None = None
     """ROS map to plan across, besides the decisions on complex."""
     unknown: Unknown = "solid"
@@ -174,7 +177,11 @@ def _plan(arguments: Sequence[str]) -> int:
     )
     require_file("--json", options.json)
     results = bench_controllers(
-        num_envs=options.envs, num_threads=options.threads, seconds=options.seconds, rounds=options.rounds
+        robot=load_robot(options.robot),
+        num_envs=options.envs,
+        num_threads=options.threads,
+        seconds=options.seconds,
+        rounds=options.rounds,
     )
     results["replan"] = bench_replan()
     results["policy_step"] = bench_act(load_policy(resolve_policy(DEFAULT)))

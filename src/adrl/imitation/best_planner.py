@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from adrl.planning.local_control import CONTROLLERS
+from adrl.planning.local_control import CONTROLLERS, TITLES
 from adrl.types import RobotConfig, Task
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class Trial:
         return self.success >= GOOD_SUCCESS and self.backward <= MOST_BACKWARD
 
     def __str__(self) -> str:
-        return f"A*+{self.controller}: {100 * self.success:.0f} % of the trials, pace {self.pace:.2f}"
+        return f"{TITLES[self.controller]}: {100 * self.success:.0f} % of the trials, pace {self.pace:.2f}"
 
 
 def best_planner(env: "NavVectorEnv") -> Trial:

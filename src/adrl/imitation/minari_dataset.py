@@ -22,6 +22,7 @@ from adrl.imitation.demonstrations import Demonstrations
 from adrl.imitation.experts import PERFECT, Expert, find_expert
 from adrl.json_files import checked, parse_json, read_json
 from adrl.observation import EncoderConfig, ObservationEncoder
+from adrl.planning.local_control import TITLES
 from adrl.registration import ENV_ID
 from adrl.rewards import FEATURES, REWARD_TERMS, RewardConfig, reward
 from adrl.types import ACTION_SIZE, RobotConfig
@@ -66,7 +67,7 @@ class Source:
             encoder=sim.encoder.config,
             guidance=sim.guidance,
             scenario=env.scenario.name,
-            demonstrator=f"A*+{env.expert}, expert {find_expert(expert)}, with noise",
+            demonstrator=f"{TITLES[env.expert]}, expert {find_expert(expert)}, with noise",
             worlds=tuple(sorted(training_fingerprints(env.scenario))),
             extra={"expert": str(find_expert(expert))} | extra,
         )

@@ -41,6 +41,8 @@ CONTROLLERS: dict[str, Callable[[RobotConfig], Any]] = {
     "mppi": mppi_config,
 }
 """name -> its constants for a robot, in the order in which they are tried."""
+TITLES: dict[str, str] = {DWA: "A*+DWA", "pursuit": "A*+pure pursuit", "mppi": "A*+MPPI"}
+"""name -> what the planner with this controller is called where people read."""
 
 
 def near_config(name: str, robot: RobotConfig, lookahead_m: float) -> "_core.ControllerConfig":

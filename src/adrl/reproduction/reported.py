@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from adrl.planning.local_control import TITLES
+
 SOURCE = (
     '"Behavior Cloning-Enhanced Deep Reinforcement Learning for Robot Navigation via Dynamic Reward and Adaptive '
     'Replanning", Table I: five methods in complex environments'
@@ -24,9 +26,7 @@ LABELS: dict[str, str] = {
     "td3bc": "TD3+BC",
     "sb3-sac": "SAC",
     "sb3-ppo": "PPO",
-    "astar-dwa": "A*+DWA",
-    "astar-mppi": "A*+MPPI",
-    "astar-pursuit": "A*+pure pursuit",
+    **{f"astar-{name}": title for name, title in TITLES.items()},
 }
 """Our method's name -> the paper's."""
 
