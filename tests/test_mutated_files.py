@@ -39,7 +39,7 @@ from adrl.reproduction.run import run_lines
 from adrl.types import RobotConfig
 from adrl.worlds import MapScenario, load_robot, load_sdf
 from adrl.worlds.place import Place
-from adrl.worlds.robots import robot_toml
+from adrl.worlds.robot_files import robot_toml
 from bag_corridor import corridor_bag
 from map_files import write_map
 from mutations import mutated

@@ -19,10 +19,9 @@ from adrl._core import Braking
 from adrl.commands.options import parse
 from adrl.descriptions import Finding, drive_command
 from adrl.integrations.ros.config import DriveConfig
-from adrl.report.robot_figure import derived
 from adrl.types import LidarConfig, RobotConfig
 from adrl.worlds import ROBOTS, load_robot
-from adrl.worlds.robots import robot_toml
+from adrl.worlds.robot_files import robot_toml
 from nav2_files import parameters, write
 from small_run import run_cli
 from urdf_files import DRIVE, sensor, urdf
@@ -223,6 +222,37 @@ def test_a_robot_is_drawn_and_told(
     assert len({tuple(pixel) for row in imread(tmp_path / f"{name}.png")[::10, ::10] for pixel in row}) > 5
     assert run_cli("robot", name, "--out", tmp_path / "r.svg") == 0
     assert "<svg" in (tmp_path / "r.svg").read_text()
+    assert "family any covers it" in out
+
+
+def test_a_family_shows_its_ranges_and_some_of_its_robots(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "carts.toml").write_text("[family]\nmax_speed_mps = [0.5, 0.9]\nwidth_m = 0.4")
+    for name, picture, told in (
+        ("any", "any.png", "lidar.fov_rad"),
+        ("carts.toml", "carts.png", "[0.5, 0.9] m/s"),
+        ("carts.toml:test:17", "carts-test-17.png", "narrowest gap"),
+    ):
+        assert run_cli("robot", name) == 0
+        out = capsys.readouterr().out
+        assert told in out
+        assert out.endswith(f"{picture}\n")
+        assert len({tuple(pixel) for row in imread(tmp_path / picture)[::10, ::10] for pixel in row}) > 5
+
+
+def test_what_a_family_does_not_have_is_told_line_by_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "fast.toml").write_text(
+        "max_speed_mps = 3\nmax_acceleration_mps2 = 6\ncontrol_period_s = 0.5"
+    )
+    assert run_cli("robot", "fast.toml") == 0
+    out = capsys.readouterr().out
+    assert "outside of family any: max_speed_mps 3; the family has 0.2 to 2\n" in out
+    assert "outside of family any: control_period_s 0.5; the family has 0.05 to 0.2\n" in out
 
 
 @settings(max_examples=60, deadline=None)
@@ -241,7 +271,6 @@ def test_a_robot_stops_as_the_core_brakes(
         lag_s=lag,
         latency_s=latency,
     )
-    numbers = derived(robot)
     braking = Braking(0.2, np.empty((0, 2)), (acceleration, 6.0, lag), 0.005)
 
     def after(seconds: float) -> tuple[float, float]:
@@ -249,9 +278,7 @@ def test_a_robot_stops_as_the_core_brakes(
         (x, _, _), (now_mps, _) = braking.roll((0.0, 0.0, 0.0), (speed, 0.0), orders[int(latency == 0.0) :])
         return x, now_mps
 
-    assert after(numbers.stop_time_s + 30.0)[0] == pytest.approx(
-        numbers.stop_distance_m, abs=0.01 * speed + 0.02
-    )
-    assert after(numbers.stop_time_s + 0.02)[1] <= 0.011
-    if numbers.stop_time_s > latency + 0.1:
-        assert after(numbers.stop_time_s - 0.08)[1] > 0.009
+    assert after(robot.stop_time_s + 30.0)[0] == pytest.approx(robot.stop_distance_m, abs=0.01 * speed + 0.02)
+    assert after(robot.stop_time_s + 0.02)[1] <= 0.011
+    if robot.stop_time_s > latency + 0.1:
+        assert after(robot.stop_time_s - 0.08)[1] > 0.009

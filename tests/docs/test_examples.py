@@ -20,7 +20,7 @@ from adrl.integrations.gazebo.server import is_installed
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / "docs" / "quickstart.md", *sorted((ROOT / "docs" / "guide").glob("*.md"))]
-HOW_TO = [ROOT / "docs" / "how-to" / f"{name}.md" for name in ("bags", "gazebo", "robot")]
+HOW_TO = [ROOT / "docs" / "how-to" / f"{name}.md" for name in ("any-robot", "bags", "gazebo", "robot")]
 BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 SMALLER = {"max_seconds=60": "steps=2048", "episodes=500": "episodes=5"}
 """What makes the README's example one of seconds."""

@@ -12,7 +12,7 @@ from adrl.evaluation.calibration import calibrate
 from adrl.evaluation.drives import COLUMNS, DriveRecorder, Drives, read_drives
 from adrl.types import RobotConfig, Task, World
 from adrl.worlds import load_robot
-from adrl.worlds.robots import robot_toml
+from adrl.worlds.robot_files import robot_toml
 
 OPEN = World(bounds=(-50.0, -50.0, 50.0, 50.0))
 

@@ -15,7 +15,8 @@ from adrl.evaluation.calibration import calibrate
 from adrl.evaluation.drive_bags import read_bag
 from adrl.evaluation.drives import read_drives
 from adrl.outputs import require_file
-from adrl.worlds.robots import load_robot, robot_toml
+from adrl.worlds.robot_files import robot_toml
+from adrl.worlds.robots import load_robot
 
 
 @dataclass(frozen=True, kw_only=True)

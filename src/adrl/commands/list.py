@@ -14,7 +14,7 @@ from adrl.registry import offered
 from adrl.rewards.weights import EXTRA_TERMS
 from adrl.simulators import SIMULATORS
 from adrl.types import GUIDANCE, RobotConfig
-from adrl.worlds import ROBOTS, SCENARIOS
+from adrl.worlds import FAMILIES, ROBOTS, SCENARIOS, RobotFamily
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +26,8 @@ def main(arguments: Sequence[str]) -> int:
     """Print every registry, and what installed packages offer in it."""
     parse(ListOptions, arguments, "list", "List all that has a name, with what installed packages offer.")
     _section("robots", {name: _numbers(robot) for name, robot in ROBOTS.items()}, "robot")
+    families = {name: f"{_shapes(family)}; adrl robot {name} draws some" for name, family in FAMILIES.items()}
+    _section("families of robots", families)
     _section("scenarios", _first_lines(SCENARIOS), "scenario")
     _section("methods", _first_lines(METHODS), "method")
     _section("experts", _first_lines(EXPERTS), "expert")
@@ -61,6 +63,11 @@ def _numbers(robot: RobotConfig) -> str:
         f"{shape}, {robot.max_speed_mps} m/s, {robot.max_yaw_rate_radps} rad/s, "
         f"{lidar.num_beams} beams to {lidar.max_range_m} m"
     )
+
+
+def _shapes(family: RobotFamily) -> str:
+    (slow, fast), (low, high) = family.max_speed_mps, family.lidar.max_range_m
+    return f"discs and rectangles, {slow:g} to {fast:g} m/s, LiDARs of {low:g} to {high:g} m"
 
 
 def _first_lines(documented: Mapping[str, object]) -> dict[str, str]:

@@ -2,10 +2,10 @@
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import tyro
 from rich.console import Console
@@ -30,9 +30,12 @@ from adrl.descriptions.findings import SHAPE, example, shown, span_text, unit
 from adrl.errors import ConfigError
 from adrl.outputs import require_file
 from adrl.types import RobotConfig
-from adrl.worlds.robots import load_robot
+from adrl.worlds.families import RobotFamily
+from adrl.worlds.robots import FAMILIES, load_robots
 
 PICTURES = (".png", ".svg", ".pdf")
+DRAWN = 12
+"""Robots in the picture of a family."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +43,8 @@ class RobotOptions:
     """A robot to draw, or what to make one of."""
 
     robot: Annotated[str | None, tyro.conf.Positional] = None
-    """The robot to draw: a name (adrl list) or a TOML file."""
+    """The robot to draw: a name (adrl list), a TOML file, or one of a family, as any:test:17; of a family, some of its
+    robots."""
     from_nav2: tuple[Path, ...] = ()
     """Parameter files of Nav2, or of move_base."""
     from_urdf: Path | None = None
@@ -180,17 +184,53 @@ def _ask(missing: Sequence[str]) -> list[Finding]:
 
 def _draw(name: str, out: Path | None) -> int:
     from adrl.report.figures import save
-    from adrl.report.robot_figure import robot_figure
+    from adrl.report.robot_figure import family_figure, robot_figure
 
-    robot = load_robot(name)
-    out = out or Path(f"{Path(name).stem}.png")
+    found = load_robots(name)
+    out = out or Path(f"{Path(name).name.replace('.toml', '').replace(':', '-')}.png")
     require_file("--out", out)
     if out.suffix not in PICTURES:
         raise ConfigError(f"--out {out} is to be a picture; give a name that ends in {', '.join(PICTURES)}")
-    Console().print(_table(robot))
-    save(robot_figure(robot), out)
+    if isinstance(found, RobotFamily):
+        Console().print(_ranges(found))
+        save(family_figure([found.draw("test", number) for number in range(DRAWN)]), out)
+    else:
+        Console().print(_table(found))
+        for line in _covered(found, FAMILIES["any"]):
+            print(line)
+        save(robot_figure(found), out)
     print(out)
     return 0
+
+
+def _numbers(config: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Names and values of a robot or a family, its LiDAR's last."""
+    for field in fields(config):
+        value = getattr(config, field.name)
+        if field.name not in ("name", "lidar") and value is not None:
+            ends = value if isinstance(value, tuple) else (value,)
+            in_degrees = (
+                " to ".join(f"{math.degrees(end):.0f}" for end in ends) if unit(field.name) == "rad" else ""
+            )
+            told = f"  ({in_degrees} degrees)" if in_degrees else ""
+            yield f"{prefix}{field.name}", f"{shown(value)} {unit(field.name)}{told}".strip()
+    if hasattr(config, "lidar"):
+        yield from _numbers(config.lidar, "lidar.")
+
+
+def _ranges(family: RobotFamily) -> Table:
+    table = Table(title=f"family {family.name}", title_justify="left", show_header=False)
+    for name, value in _numbers(family):
+        table.add_row(name, value)
+    return table
+
+
+def _covered(robot: RobotConfig, family: RobotFamily) -> list[str]:
+    """What a family says of a robot."""
+    outside = family.outside(robot)
+    return [f"outside of family {family.name}: {line}" for line in outside] or [
+        f"family {family.name} covers it"
+    ]
 
 
 def _table(robot: RobotConfig) -> Table:
@@ -198,16 +238,11 @@ def _table(robot: RobotConfig) -> Table:
     from adrl.report.robot_figure import derived
 
     table = Table(title=robot.name, title_justify="left", show_header=False)
-    lidar = robot.lidar
-    rows = [(f.name, getattr(robot, f.name)) for f in fields(robot) if f.name not in ("name", "lidar")]
-    rows += [(f"lidar.{f.name}", getattr(lidar, f.name)) for f in fields(lidar)]
-    for field, value in rows:
-        if value is not None:
-            degrees = f"  ({round(math.degrees(value))} degrees)" if unit(field) == "rad" else ""
-            table.add_row(field, f"{shown(value)} {unit(field)}{degrees}".strip())
+    for name, value in _numbers(robot):
+        table.add_row(name, value)
     table.add_section()
     numbers = derived(robot)
-    table.add_row("stops from full speed in", f"{numbers.stop_time_s:.2f} s, {numbers.stop_distance_m:.2f} m")
+    table.add_row("stops from full speed in", f"{robot.stop_time_s:.2f} s, {robot.stop_distance_m:.2f} m")
     table.add_row("narrowest gap, straight ahead", f"{numbers.gap_m:.2f} m")
     table.add_row("width that it turns in", f"{numbers.turning_width_m:.2f} m")
     table.add_row("blind angle of the LiDAR", f"{math.degrees(numbers.blind_rad):.0f} degrees")

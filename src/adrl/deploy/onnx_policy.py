@@ -13,7 +13,7 @@ from adrl.json_files import parse_json
 from adrl.observation import Measurements
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import RobotConfig
-from adrl.worlds.robots import robot_from_fields
+from adrl.worlds.robot_files import robot_from_fields
 
 INPUTS = ("ranges", "goal", "twist", "last_action")
 PAST_INPUTS = ("past_ranges", "pose", "past_pose")

@@ -7,7 +7,7 @@ from adrl.errors import CheckpointError
 from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import RobotConfig, without_constants
-from adrl.worlds.robots import robot_from_fields
+from adrl.worlds.robot_files import robot_from_fields
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 from adrl.descriptions.findings import ASSUMED, Finding, Standing, shown
 from adrl.errors import ConfigError
 from adrl.types import RobotConfig
-from adrl.worlds.robots import robot_from_fields, robot_toml
+from adrl.worlds.robot_files import robot_from_fields, robot_toml
 
 MEANING = {Standing.LIMIT: ", a limit", Standing.HINT: ", a hint"}
 ASSUMPTIONS = {

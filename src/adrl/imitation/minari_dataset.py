@@ -27,7 +27,8 @@ from adrl.registration import ENV_ID
 from adrl.rewards import FEATURES, REWARD_TERMS, RewardConfig, reward
 from adrl.types import ACTION_SIZE, RobotConfig
 from adrl.worlds.given import training_fingerprints
-from adrl.worlds.robots import load_robot, robot_from_fields
+from adrl.worlds.robot_files import robot_from_fields
+from adrl.worlds.robots import load_robot
 
 if TYPE_CHECKING:
     from adrl.envs import NavVectorEnv

@@ -1,6 +1,7 @@
 """A robot from above: footprint, LiDAR, what it sees, and how far it goes before it stands."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +13,6 @@ from adrl.report.figures import INK, PALETTE, SOLID, blank_figure
 from adrl.types import RobotConfig
 
 SEEN, BLIND, STOPPED = PALETTE[4], PALETTE[1], PALETTE[2]
-STANDS_MPS = 0.01
-"""A robot that is slower stands."""
 VIEW = 3.0
 """Times the radius about the origin that the picture shows, at least."""
 MOST_RAYS = 72
@@ -23,9 +22,6 @@ MOST_RAYS = 72
 class Derived:
     """What follows from a robot's numbers."""
 
-    stop_time_s: float
-    """From full speed, after the command to stop was given, until it stands."""
-    stop_distance_m: float
     gap_m: float
     """Width of the narrowest gap that it passes straight ahead."""
     turning_width_m: float
@@ -35,17 +31,10 @@ class Derived:
 
 
 def derived(robot: RobotConfig) -> Derived:
-    """As core/drive has it: the speed follows its command with a lag, no faster than the acceleration allows."""
-    speed, lag, braking = robot.max_speed_mps, robot.lag_s, robot.max_acceleration_mps2
-    tail = min(speed, braking * lag)  # from here on the lag is what holds it back
-    time_s = robot.latency_s + (speed - tail) / braking
-    if tail > STANDS_MPS:
-        time_s += lag * math.log(tail / STANDS_MPS)
+    """What follows from its footprint and its view."""
     corners = robot.polygon
     width = 2.0 * robot.circumscribed_radius_m if robot.radius_m is not None else float(np.ptp(corners[:, 1]))
     return Derived(
-        stop_time_s=time_s,
-        stop_distance_m=speed * robot.latency_s + (speed**2 - tail**2) / (2.0 * braking) + tail * lag,
         gap_m=width,
         turning_width_m=2.0 * robot.circumscribed_radius_m,
         blind_rad=max(0.0, 2.0 * math.pi - robot.lidar.fov_rad),
@@ -57,35 +46,10 @@ def robot_figure(robot: RobotConfig) -> Figure:
     lidar, numbers = robot.lidar, derived(robot)
     figure = blank_figure(6.4, 6.0)
     axes = figure.subplots()
-    reach = max(VIEW * robot.circumscribed_radius_m, 1.2 * numbers.stop_distance_m)
+    reach = max(VIEW * robot.circumscribed_radius_m, 1.2 * robot.stop_distance_m)
     reach = max(reach, 1.2 * math.hypot(lidar.mount_x_m, lidar.mount_y_m))
-    _view(axes, robot, min(lidar.max_range_m, 3.0 * reach))
-    _body(axes, robot, 0.0, facecolor=SOLID, edgecolor=INK, linewidth=1.4, zorder=4)
-    _body(
-        axes,
-        robot,
-        numbers.stop_distance_m,
-        fill=False,
-        edgecolor=STOPPED,
-        linestyle="--",
-        linewidth=1.2,
-        zorder=3,
-    )
-    size = 0.4 * robot.circumscribed_radius_m
-    head = {"head_width": 0.25 * size, "length_includes_head": True, "zorder": 6, "color": INK}
-    axes.arrow(0.0, 0.0, size, 0.0, **head)
-    axes.plot(0.0, 0.0, "+", color=INK, markersize=10, zorder=6)
-    x, y, yaw = lidar.mount
-    axes.plot(x, y, "o", color=PALETTE[0], markeredgecolor="white", markersize=8, zorder=7)
-    axes.arrow(
-        x,
-        y,
-        0.8 * size * math.cos(yaw),
-        0.8 * size * math.sin(yaw),
-        **head | {"color": PALETTE[0], "zorder": 7},
-    )
-    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="x, m", ylabel="y, m")
-    axes.grid(color="#E4E6EA", linewidth=0.6, zorder=0)
+    _panel(axes, robot, reach)
+    axes.set(xlabel="x, m", ylabel="y, m")
     axes.set_title(robot.name, loc="left")
     labels = {
         "footprint, + its origin": Patch(facecolor=SOLID, edgecolor=INK),
@@ -98,6 +62,41 @@ def robot_figure(robot: RobotConfig) -> Figure:
         list(labels.values()), list(labels), loc="outside lower center", ncols=2, frameon=False, fontsize=9
     )
     return figure
+
+
+def family_figure(robots: Sequence[RobotConfig]) -> Figure:
+    """Several robots in one picture, all in the same scale."""
+    columns = min(4, len(robots))
+    rows = -(-len(robots) // columns)
+    figure = blank_figure(3.0 * columns, 3.1 * rows)
+    panels = np.ravel(figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False))
+    reach = 1.1 * max(robot.circumscribed_radius_m + robot.stop_distance_m for robot in robots)
+    for axes, robot in zip(panels, robots, strict=False):
+        _panel(axes, robot, reach)
+        axes.set_title(f"{robot.name}\n{robot.max_speed_mps:.2g} m/s", loc="left", fontsize=9)
+    for axes in panels[len(robots) :]:
+        axes.set_axis_off()
+    figure.supxlabel("x, m; dashed: where it stands after a stop from full speed", fontsize=9)
+    figure.supylabel("y, m", fontsize=9)
+    return figure
+
+
+def _panel(axes: Axes, robot: RobotConfig, reach: float) -> None:
+    """The robot with what lies within `reach` of its origin."""
+    _view(axes, robot, min(robot.lidar.max_range_m, 3.0 * reach))
+    _body(axes, robot, 0.0, facecolor=SOLID, edgecolor=INK, linewidth=1.4, zorder=4)
+    stopped = {"fill": False, "edgecolor": STOPPED, "linestyle": "--", "linewidth": 1.2, "zorder": 3}
+    _body(axes, robot, robot.stop_distance_m, **stopped)
+    size = 0.4 * robot.circumscribed_radius_m
+    head = {"head_width": 0.25 * size, "length_includes_head": True, "zorder": 6, "color": INK}
+    axes.arrow(0.0, 0.0, size, 0.0, **head)
+    axes.plot(0.0, 0.0, "+", color=INK, markersize=10, zorder=6)
+    x, y, yaw = robot.lidar.mount
+    axes.plot(x, y, "o", color=PALETTE[0], markeredgecolor="white", markersize=8, zorder=7)
+    ahead = (0.8 * size * math.cos(yaw), 0.8 * size * math.sin(yaw))
+    axes.arrow(x, y, *ahead, **head | {"color": PALETTE[0], "zorder": 7})
+    axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
+    axes.grid(color="#E4E6EA", linewidth=0.6, zorder=0)
 
 
 def _view(axes: Axes, robot: RobotConfig, reach: float) -> None:

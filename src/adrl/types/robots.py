@@ -21,6 +21,8 @@ BEYOND_SPEED = 2.0
 """Odometry of more than so many times the robot's greatest speeds is a fault."""
 SLIP_M, SLIP_RAD = 0.1, 0.2
 """Odometry may jump by so much beyond what the robot can drive."""
+STANDS_MPS = 0.01
+"""A robot that is slower stands."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,6 +173,28 @@ class RobotConfig(HasNative):
     def fastest_mps(self) -> float:
         """Greatest speed, forward or backward."""
         return max(self.max_speed_mps, -self.min_speed_mps)
+
+    @property
+    def stop_time_s(self) -> float:
+        """From full speed ahead, after the command to stop was given, until it stands.
+
+        As core/drive has it: the speed follows its command with a lag, no faster than the acceleration allows.
+        """
+        tail = self._tail_mps
+        time_s = self.latency_s + (self.max_speed_mps - tail) / self.max_acceleration_mps2
+        return time_s + (self.lag_s * math.log(tail / STANDS_MPS) if tail > STANDS_MPS else 0.0)
+
+    @property
+    def stop_distance_m(self) -> float:
+        """The way that it goes in that time."""
+        speed, tail = self.max_speed_mps, self._tail_mps
+        braking_m = (speed**2 - tail**2) / (2.0 * self.max_acceleration_mps2)
+        return speed * self.latency_s + braking_m + tail * self.lag_s
+
+    @property
+    def _tail_mps(self) -> float:
+        """Below this speed the lag is what holds a stop back."""
+        return min(self.max_speed_mps, self.max_acceleration_mps2 * self.lag_s)
 
     @property
     def circumscribed_radius_m(self) -> float:

@@ -13,9 +13,11 @@ from adrl.worlds.cellular import Cellular
 from adrl.worlds.clutter import Clutter
 from adrl.worlds.complex import Complex
 from adrl.worlds.dynamic import Dynamic
+from adrl.worlds.families import LidarFamily, RobotFamily
 from adrl.worlds.hall import Hall
 from adrl.worlds.map_scenario import MapScenario
-from adrl.worlds.robots import ROBOTS, load_robot, robot_from_fields
+from adrl.worlds.robot_files import robot_from_fields
+from adrl.worlds.robots import FAMILIES, ROBOTS, load_robot, load_robots
 from adrl.worlds.rooms import Rooms
 from adrl.worlds.ros_map import load_map
 from adrl.worlds.sdf import load_sdf
@@ -32,15 +34,19 @@ SCENARIOS: dict[str, Scenario] = {
 }
 
 __all__ = [
+    "FAMILIES",
     "ROBOTS",
     "SCENARIOS",
     "BarnScenario",
+    "LidarFamily",
     "MapScenario",
+    "RobotFamily",
     "SdfScenario",
     "get_scenario",
     "load_barn",
     "load_map",
     "load_robot",
+    "load_robots",
     "load_sdf",
     "robot_from_fields",
     "single_task",

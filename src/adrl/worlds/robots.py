@@ -1,28 +1,23 @@
 """The robots we know, and robots from TOML files."""
 
 import dataclasses
-import json
 import math
 import os
 import re
-import tomllib
-from collections.abc import Mapping
-from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
 
-from adrl.errors import ConfigError, FileError, brief
-from adrl.files import read_text
+from adrl.errors import ConfigError
 from adrl.registry import look_up
-from adrl.types import LidarConfig, RobotConfig
+from adrl.types import SPLITS, LidarConfig, RobotConfig
+from adrl.worlds.families import RobotFamily, family_from_table
+from adrl.worlds.robot_files import read_toml, robot_from_fields
 
 # TurtleBot3: speeds and the LDS-01 (360 beams, 3.5 m) from ROBOTIS' specification, accelerations and the
 # period from the turtlebot3_navigation DWA parameters, sensor mounts and noise from turtlebot3_description.
 _LDS_01 = LidarConfig(num_beams=360, max_range_m=3.5, noise_std_m=0.01, mount_x_m=-0.032)
 
-MAX_BYTES = 2**16
-BEYOND_FLOAT = re.compile(r"(?<![\w.])[+]?\d[\d_]{308,}(?![\w.])")
-"""A number that no float holds."""
+DRAWN = re.compile(rf"(.+):({'|'.join(SPLITS)}):(\d+)")
+"""A robot of a family: FAMILY:SPLIT:NUMBER."""
 
 ROBOTS: dict[str, RobotConfig] = {
     "diffbot": RobotConfig(),
@@ -64,6 +59,8 @@ ROBOTS: dict[str, RobotConfig] = {
     ),
 }
 
+FAMILIES: dict[str, RobotFamily] = {"any": RobotFamily()}
+
 
 def load_robot(robot: str | os.PathLike[str] | RobotConfig) -> RobotConfig:
     """A robot by name (ROBOTS, or an entry point of group "adrl.robots"), from a TOML file, or itself.
@@ -80,100 +77,66 @@ def load_robot(robot: str | os.PathLike[str] | RobotConfig) -> RobotConfig:
         num_beams = 270
         fov_rad = 4.712
 
-    Raises UnknownName for a name no one knows, ConfigError for a file that is missing, malformed or out of
-    domain.
+    FAMILY:SPLIT:NUMBER, as any:test:17, is that robot of a family. Raises UnknownName for a name no one knows,
+    ConfigError for a file that is missing, malformed or out of domain, and for a family.
     """
-    if isinstance(robot, RobotConfig):
-        return robot
-    text = os.fspath(robot)
-    if isinstance(robot, os.PathLike) or text.endswith(".toml") or os.sep in text:
-        return _read_robot(Path(text))
-    found = look_up("robot", text, ROBOTS)
-    if not isinstance(found, RobotConfig):
-        raise ConfigError(f"robot {text!r}: its entry point gives {found!r}, not a RobotConfig")
+    found = load_robots(robot)
+    if isinstance(found, RobotFamily):
+        raise ConfigError(
+            f"robot {os.fspath(robot)!r} is a family of robots, and this takes one: give one of it, such as "  # pyright: ignore
+            f"{os.fspath(robot)}:test:0"  # pyright: ignore
+        )
     return found
 
 
-def _read_robot(path: Path) -> RobotConfig:
-    try:
-        text = read_text(path, MAX_BYTES)
-    except FileError as error:
+def load_robots(robot: str | os.PathLike[str] | RobotConfig | RobotFamily) -> RobotConfig | RobotFamily:
+    """A robot as load_robot takes it, or a family: by name (FAMILIES, or an entry point of group "adrl.robots"), from
+    a TOML file, or itself.
+
+    A file with a table [family] is a family: a number there is fixed, [low, high] is a range. What it leaves out is as
+    in family any, and name is the file's stem:
+
+        [family]
+        radius_m = [0.15, 0.3]
+        disc_share = 1.0
+        max_speed_mps = 0.8
+
+        [family.lidar]
+        num_beams = [180, 720]
+
+    Raises UnknownName and ConfigError.
+    """
+    if isinstance(robot, RobotConfig | RobotFamily):
+        return robot
+    text = os.fspath(robot)
+    drawn = DRAWN.fullmatch(text)
+    if drawn is not None:
+        return _family(drawn[1]).draw(drawn[2], int(drawn[3]))
+    if isinstance(robot, os.PathLike) or text.endswith(".toml") or os.sep in text:
+        return _read(Path(text))
+    found = look_up("robot", text, ROBOTS | FAMILIES)
+    if not isinstance(found, RobotConfig | RobotFamily):
         raise ConfigError(
-            f"robot file {path} {error}; give a TOML file or one of {', '.join(ROBOTS)}"
-        ) from None
+            f"robot {text!r}: its entry point gives {found!r}, not a RobotConfig or RobotFamily"
+        )
+    return found
+
+
+def _family(text: str) -> RobotFamily:
+    """Raises UnknownName, ConfigError."""
+    found = load_robots(text)
+    if not isinstance(found, RobotFamily):
+        raise ConfigError(
+            f"robot {text!r} is one robot, no family to draw from; leave out what follows its name"
+        )
+    return found
+
+
+def _read(path: Path) -> RobotConfig | RobotFamily:
+    table = {"name": path.stem} | read_toml(path, ", ".join((*ROBOTS, *FAMILIES)))
     try:
-        # Python reads no integer of more than 4300 digits, and does not say where it stands.
-        table = tomllib.loads(BEYOND_FLOAT.sub("inf", text))
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"robot file {path} is not valid TOML: {brief(error)}") from None
-    try:
-        return robot_from_fields({"name": path.stem} | table)
+        if "family" not in table:
+            return robot_from_fields(table)
+        return family_from_table(table)
     except ConfigError as error:
         raise ConfigError(f"robot file {path}: {error}") from None
-
-
-def robot_toml(robot: RobotConfig) -> str:
-    """The robot as a TOML file that load_robot reads."""
-    fields = dataclasses.asdict(robot)
-    lidar = fields.pop("lidar")
-
-    def lines(table: Mapping[str, Any]) -> list[str]:
-        given = {key: value for key, value in table.items() if value is not None}
-        # JSON's texts, numbers and lists are TOML's.
-        return [f"{key} = {json.dumps(value)}" for key, value in given.items()]
-
-    return "\n".join([*lines(fields), "", "[lidar]", *lines(lidar)]) + "\n"
-
-
-def robot_from_fields(table: Mapping[str, Any]) -> RobotConfig:
-    """A robot from its fields as TOML or JSON give them. Raises ConfigError naming the wrong field."""
-    table = {key: value for key, value in table.items() if value is not None}
-    if "footprint_m" in table:
-        table.setdefault("radius_m", None)
-    fields = _checked(table, RobotConfig, "")
-    if "lidar" in table:
-        fields["lidar"] = LidarConfig(**_checked(table["lidar"], LidarConfig, "lidar."))
-    return RobotConfig(**fields)
-
-
-def _checked(table: Any, config: type, prefix: str) -> dict[str, Any]:
-    """The table's values, each of its field's type. Raises ConfigError naming the key."""
-    if not isinstance(table, dict):
-        raise ConfigError(f"{prefix.rstrip('.')} must be a table, [{prefix.rstrip('.')}]")
-    kinds = {field.name: str(field.type) for field in dataclasses.fields(config)}
-    for key in table:
-        if key not in kinds:
-            nearest = get_close_matches(key, kinds, n=1, cutoff=0.4)
-            hint = f"did you mean {nearest[0]!r}? " if nearest else ""
-            raise ConfigError(f"unknown key {brief(prefix + key)!r}: {hint}known: {', '.join(kinds)}")
-    return {key: _convert(prefix + key, value) for key, value in table.items() if key != "lidar"}
-
-
-def _convert(key: str, value: Any) -> Any:
-    """One TOML value as its field wants it, told by the field's name."""
-    if key == "name":
-        if not isinstance(value, str) or not value:
-            raise ConfigError(f"name is {value!r}; give a text")
-        return value
-    if key == "radius_m" and value is None:
-        return None
-    if key == "footprint_m":
-        return _corners(value)
-    return value if key == "lidar.num_beams" else _number(key, value)
-
-
-def _number(key: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise ConfigError(f"{key} is {str(value)[:40]!r}; give a number")
-    try:
-        return float(value)
-    except OverflowError:
-        return math.copysign(math.inf, value)
-
-
-def _corners(value: Any) -> tuple[tuple[float, float], ...]:
-    if not isinstance(value, list | tuple) or not all(
-        isinstance(p, list | tuple) and len(p) == 2 for p in value
-    ):
-        raise ConfigError("footprint_m must be a list of corners [x, y] in metres")
-    return tuple((_number("footprint_m", x), _number("footprint_m", y)) for x, y in value)
