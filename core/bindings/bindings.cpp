@@ -13,7 +13,6 @@
 #include "planning/astar.hpp"
 #include "planning/grid.hpp"
 #include "world/distance_field.hpp"
-#include "world/motion_cue.hpp"
 #include "world/raycast.hpp"
 #include "world/world.hpp"
 
@@ -143,36 +142,6 @@ std::shared_ptr<World> make_world(const In<double, Rows3> &circles, const In<dou
                                    resolution, Pose{std::get<0>(origin), std::get<1>(origin), std::get<2>(origin)});
 }
 
-std::shared_ptr<MotionCue> make_motion_cue(int num_beams, double angle_min, double increment,
-                                           std::tuple<double, double, double> mount, double max_range, int num_sectors,
-                                           double margin, double scale) {
-    const auto [x, y, yaw] = mount;
-    require_finite({angle_min, increment, x, y, yaw, max_range, margin, scale}, "motion cue");
-    if (num_beams < 1 || num_beams > 2048) throw nb::value_error("num_beams: give 1 to 2048");
-    if (num_sectors < 1 || num_sectors > 2048) throw nb::value_error("num_sectors: give 1 to 2048");
-    if (!(increment > 0.0 && scale > 0.0)) throw nb::value_error("angle_increment_rad or scale_m is not positive");
-    return std::make_shared<MotionCue>(
-        CueConfig{num_beams, angle_min, increment, {x, y, yaw}, max_range, num_sectors, margin, scale});
-}
-
-void motion_cue_many(const MotionCue &cue, const In<float, nb::shape<-1, -1>> &ranges, const In<double, Rows3> &poses,
-                     const In<float, nb::shape<-1, -1>> &past_ranges, const In<double, Rows3> &past_poses,
-                     const Out<float, nb::shape<-1, -1>> &out) {
-    const std::size_t n = ranges.shape(0), beams = cue.num_beams(), sectors = cue.num_sectors();
-    if (ranges.shape(1) != beams || past_ranges.shape(1) != beams) throw nb::value_error("ranges: (N, num_beams)");
-    if (past_ranges.shape(0) != n || poses.shape(0) != n || past_poses.shape(0) != n || out.shape(0) != n) {
-        throw nb::value_error("ranges, poses and out differ in length");
-    }
-    if (out.shape(1) != sectors) throw nb::value_error("out: (N, num_sectors)");
-    require_all_finite(poses, "poses");
-    require_all_finite(past_poses, "past_poses");
-    const nb::gil_scoped_release release;
-    for (std::size_t i = 0; i < n; ++i) {
-        cue.compute(ranges.data() + i * beams, pose_at(poses, i), past_ranges.data() + i * beams,
-                    pose_at(past_poses, i), out.data() + i * sectors);
-    }
-}
-
 } // namespace
 
 void bind_batch_sim(nb::module_ &m);
@@ -180,6 +149,7 @@ void bind_braking(nb::module_ &m);
 void bind_control(nb::module_ &m);
 void bind_misfit(nb::module_ &m);
 void bind_replanner(nb::module_ &m);
+void bind_scans(nb::module_ &m);
 
 NB_MODULE(_core, m) {
     nb::set_leak_warnings(false); // robots in module globals outlive the interpreter; nothing is lost
@@ -198,14 +168,10 @@ NB_MODULE(_core, m) {
     m.def("astar", &astar_on, nb::arg("blocked").noconvert(), nb::arg("start"), nb::arg("goal"));
     m.def("shorten_path", &shorten_path_on, nb::arg("blocked").noconvert(), nb::arg("cells").noconvert());
     m.def("integrate", &integrate_many, nb::arg("poses").noconvert(), nb::arg("twists").noconvert(), nb::arg("dt_s"));
-    nb::class_<MotionCue>(m, "MotionCue")
-        .def(nb::new_(&make_motion_cue), nb::arg("num_beams"), nb::arg("angle_min_rad"), nb::arg("angle_increment_rad"),
-             nb::arg("mount"), nb::arg("max_range_m"), nb::arg("num_sectors"), nb::arg("margin_m"), nb::arg("scale_m"))
-        .def("compute", &motion_cue_many, nb::arg("ranges").noconvert(), nb::arg("poses").noconvert(),
-             nb::arg("past_ranges").noconvert(), nb::arg("past_poses").noconvert(), nb::arg("out").noconvert());
     bind_control(m);
     bind_batch_sim(m);
     bind_braking(m);
     bind_misfit(m);
     bind_replanner(m);
+    bind_scans(m);
 }

@@ -1,5 +1,6 @@
 """The C++ core. Arrays must be C-contiguous and of the dtype given: the bindings check and never convert."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ F64 = NDArray[np.float64]
 F32 = NDArray[np.float32]
 U8 = NDArray[np.uint8]
 I32 = NDArray[np.int32]
+I64 = NDArray[np.int64]
 
 class World:
     def __init__(
@@ -57,6 +59,17 @@ def shorten_path(blocked: U8, cells: I32) -> F64:
 def integrate(poses: F64, twists: F64, dt_s: float) -> F64:
     """Exact arcs: (N, 3) poses, (N, 2) twists -> (N, 3) poses."""
 
+class SectorTable:
+    """Which beams of one LiDAR point into which of S sectors: beams those of the first sector, then of the next; first
+    (S + 1) where each sector's begin. A sector without beams reads max_range_m."""
+    def __init__(self, beams: I32, first: I32, num_beams: int, max_range_m: float) -> None: ...
+
+class Sectors:
+    """Scans by sectors, of robots of several kinds."""
+    def __init__(self, kinds: Sequence[SectorTable]) -> None: ...
+    def nearest(self, kind: I64, ranges: F32, out: F32) -> None:
+        """(N,) kinds of the rows, (N, K) ranges, K at least each one's beams -> out (N, S): the nearest in each."""
+
 class MotionCue:
     """Compares two scans of a fan of beams; see adrl.motion. Stateless: any number of robots share one."""
     def __init__(
@@ -72,6 +85,14 @@ class MotionCue:
     ) -> None: ...
     def compute(self, ranges: F32, poses: F64, past_ranges: F32, past_poses: F64, out: F32) -> None:
         """(N, K) ranges and (N, 3) robot poses, now and in the past -> out (N, num_sectors)."""
+
+class MotionCues:
+    """The same for robots of several kinds."""
+    def __init__(self, kinds: Sequence[MotionCue]) -> None: ...
+    def compute(
+        self, kind: I64, ranges: F32, poses: F64, past_ranges: F32, past_poses: F64, out: F32
+    ) -> None:
+        """kind (N,) of the rows; K at least each one's beams."""
 
 NUM_PARAMS: int
 """Columns of BatchSim's params: speed gain, yaw gain, acceleration, yaw acceleration, lag_s, latency_s, range noise,

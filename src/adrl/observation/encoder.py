@@ -1,13 +1,12 @@
 """The observation encoder: scan, goal, twist and more in, one vector out. Training and robots share it."""
 
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adrl.errors import ConfigError
-from adrl.observation.component import F32, Component, Mirror, Senses
+from adrl.observation.component import F32, Component, ComponentFactory, Mirror, OfEach, Senses
 from adrl.observation.config import EncoderConfig
 from adrl.observation.goal import Goal
 from adrl.observation.last_action import LastAction
@@ -17,29 +16,35 @@ from adrl.observation.twist import Twist
 from adrl.registry import look_up
 from adrl.types import Array, RobotConfig
 
-COMPONENTS: dict[str, Callable[[RobotConfig, EncoderConfig], Component]] = {
+COMPONENTS: dict[str, Callable[[Sequence[RobotConfig], EncoderConfig], Component]] = {
     "scan": Scan,
     "goal": Goal,
     "twist": Twist,
     "last_action": LastAction,
     "motion": MotionCues,
 }
-"""The built-in components, in the order in which an observation has them. Motion cues need history_steps."""
+"""The built-in components, in the order in which an observation has them. Motion cues need history_steps.
+
+Each is made for all robots of an encoder at once, and finds in Senses.kind which of them a row is.
+"""
 
 
 class ObservationEncoder:
     """(N, K) ranges, goals, twists and last actions -> (N, D) float32, the components side by side.
 
-    D = num_sectors + 8; with motion cues 2 num_sectors + 8, and encode() takes the ScanHistory of the robots. Extra
-    components come on top.
+    Of one robot, or of several, of which each row is one: its kind. D = num_sectors + 8; with motion cues
+    2 num_sectors + 8, and encode() takes the ScanHistory of the robots. Extra components come on top.
     """
 
-    def __init__(self, robot: RobotConfig, config: EncoderConfig | None = None) -> None:
+    def __init__(
+        self, robot: RobotConfig | Sequence[RobotConfig], config: EncoderConfig | None = None
+    ) -> None:
         """Raises UnknownName and ConfigError for extra components that are none."""
         self.config = config or EncoderConfig()
-        self.robot = robot
+        self.robots: tuple[RobotConfig, ...] = (robot,) if isinstance(robot, RobotConfig) else tuple(robot)
+        """By their numbers, which Senses.kind has."""
         self.components: dict[str, Component] = {
-            name: make(robot, self.config)
+            name: make(self.robots, self.config)
             for name, make in COMPONENTS.items()
             if name != "motion" or self.config.history_steps > 0
         }
@@ -51,7 +56,8 @@ class ObservationEncoder:
             name, make = _factory(extra)
             if name in self.components:
                 raise ConfigError(f"encoder.extra_components: {name!r} is there twice; give another name")
-            self.components[name] = make(robot, self.config)
+            parts = [make(one, self.config) for one in self.robots]
+            self.components[name] = OfEach(name, self.robots, parts) if len(parts) > 1 else parts[0]
         ends = np.cumsum([component.size for component in self.components.values()]).tolist()
         self.places: dict[str, slice] = {
             name: slice(start, end)
@@ -62,23 +68,31 @@ class ObservationEncoder:
         """D, the length of an observation."""
 
     @property
+    def robot(self) -> RobotConfig:
+        """The robot of an encoder of one."""
+        (robot,) = self.robots
+        return robot
+
+    @property
     def history_steps(self) -> int:
         """Control periods between the scans that motion cues compare; 0 without."""
         return self.config.history_steps
 
     @property
     def extent_m(self) -> F32:
-        """(S,) distance from the LiDAR to the footprint's edge in the middle of each sector."""
-        return self.scan.extent_m
+        """(S,) distance from the only robot's LiDAR to its footprint's edge, in the middle of each sector."""
+        (extent_m,) = self.scan.extent_m
+        return extent_m
 
     @property
     def beams_of_sectors(self) -> NDArray[np.int32]:
-        """(S, L) numbers of the beams in each sector; see Scan."""
-        return self.scan.beams_of_sectors
+        """(S, L) numbers of the only robot's beams in each sector; see BeamsOfSectors."""
+        (beams,) = self.scan.beams
+        return beams.table
 
     @property
     def mirror(self) -> Mirror | None:
-        """Left for right; None for a robot whose body or LiDAR is not symmetric."""
+        """Left for right; None where the body or the LiDAR of a robot is not symmetric."""
         orders, signs = [], []
         for name, component in self.components.items():
             mirror = component.mirror()
@@ -94,17 +108,31 @@ class ObservationEncoder:
         return max(component.limit for component in self.components.values())
 
     def encode(
-        self, ranges: F32, goal: Array, twist: Array, last_action: F32, history: ScanHistory | None = None
+        self,
+        ranges: F32,
+        goal: Array,
+        twist: Array,
+        last_action: F32,
+        history: ScanHistory | None = None,
+        kind: NDArray[np.intp] | None = None,
     ) -> F32:
-        """(N, D) of N robots; arguments as in Senses."""
-        senses = Senses(ranges, goal, twist, last_action, history)
+        """(N, D) of N robots; arguments as in Senses. Raises ValueError without kinds where there are several."""
+        if kind is None:
+            if len(self.robots) > 1:
+                raise ValueError(
+                    f"this encoder is of {len(self.robots)} robots; say which of them each row is"
+                )
+            kind = np.zeros(len(ranges), np.intp)
+        senses = Senses(ranges, goal, twist, last_action, history, kind=kind)
         out = np.empty((len(ranges), self.size), dtype=np.float32)
         for name, component in self.components.items():
             component.write(senses, out[:, self.places[name]])
         return out
 
 
-def _factory(extra: Any) -> tuple[str, Callable[[RobotConfig, EncoderConfig], Component]]:
+def _factory(
+    extra: "str | ComponentFactory",
+) -> tuple[str, Callable[[RobotConfig, EncoderConfig], Component]]:
     """An extra component's name, and what makes it. Raises UnknownName."""
     if isinstance(extra, str):
         return extra, look_up("observation component", extra, {})

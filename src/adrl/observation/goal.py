@@ -1,5 +1,7 @@
 """The point to head for: its direction, and its distance on two scales."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from adrl.observation.component import F32, Mirror, Senses, unchanged
@@ -16,7 +18,7 @@ class Goal:
     size = 4
     limit = 1.0
 
-    def __init__(self, robot: RobotConfig, config: EncoderConfig) -> None:
+    def __init__(self, robots: Sequence[RobotConfig], config: EncoderConfig) -> None:
         self._scale_m = config.goal_scale_m
 
     def write(self, senses: Senses, out: F32) -> None:

@@ -1,5 +1,7 @@
 """What the robot was told last: a base that lags has not done it yet."""
 
+from collections.abc import Sequence
+
 from adrl.observation.component import F32, Mirror, Senses, unchanged
 from adrl.observation.config import EncoderConfig
 from adrl.types import ACTION_SIZE, RobotConfig
@@ -11,8 +13,8 @@ class LastAction:
     size = ACTION_SIZE
     limit = 1.0
 
-    def __init__(self, robot: RobotConfig, config: EncoderConfig) -> None:
-        """Nothing of the robot is needed."""
+    def __init__(self, robots: Sequence[RobotConfig], config: EncoderConfig) -> None:
+        """Nothing of the robots is needed."""
 
     def write(self, senses: Senses, out: F32) -> None:
         """Fill (N, 2)."""

@@ -1,5 +1,6 @@
 """What moves around a robot: scans of the last control periods, and the comparison of the newest with the oldest."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,9 +54,9 @@ class ScanHistory:
         motion.compute(*ends, out)
         return out
 
-    def of(self, rows: NDArray[np.intp]) -> "ScanHistory":
-        """A copy, of the robots `rows` (M,) alone."""
-        past = self.arrays["past_ranges"][:, rows]
+    def of(self, rows: NDArray[np.intp], num_beams: int | None = None) -> "ScanHistory":
+        """A copy, of the robots `rows` (M,) alone; of their first num_beams beams where that is given."""
+        past = self.arrays["past_ranges"][:, rows, :num_beams]
         part = ScanHistory(len(rows), past.shape[2], len(past) - 1)
         part.arrays["past_ranges"][:] = past
         part.arrays["past_odometry"][:] = self.arrays["past_odometry"][:, rows]
@@ -107,15 +108,18 @@ class MotionCues:
 
     limit = 1.0
 
-    def __init__(self, robot: RobotConfig, config: EncoderConfig) -> None:
+    def __init__(self, robots: Sequence[RobotConfig], config: EncoderConfig) -> None:
         self.size = config.num_sectors
-        self._motion = motion_cue(robot, config.num_sectors, config.history_steps)
+        cues = [motion_cue(robot, config.num_sectors, config.history_steps) for robot in robots]
+        self._motion = _core.MotionCues(cues)
 
     def write(self, senses: Senses, out: F32) -> None:
         """Fill (N, S). Raises ValueError without the history of the scans."""
         if senses.history is None:
             raise ValueError("an encoder with motion cues needs the history of the scans")
-        out[:] = senses.history.cues(self._motion, self.size)
+        cues = np.empty((len(senses.kind), self.size), np.float32)
+        self._motion.compute(senses.kind, *senses.history.ends(), cues)
+        out[:] = cues
 
     def mirror(self) -> Mirror | None:
         """The sectors in reverse."""

@@ -1,8 +1,10 @@
 """How fast the robot is, as measured."""
 
+from collections.abc import Sequence
+
 from adrl.observation.component import F32, Mirror, Senses, unchanged
 from adrl.observation.config import EncoderConfig
-from adrl.types import RobotConfig
+from adrl.types import RobotConfig, RobotRows
 
 
 class Twist:
@@ -10,15 +12,15 @@ class Twist:
 
     size = 2
 
-    def __init__(self, robot: RobotConfig, config: EncoderConfig) -> None:
-        self._robot = robot
+    def __init__(self, robots: Sequence[RobotConfig], config: EncoderConfig) -> None:
+        self._robots = RobotRows.of(robots)
         # Robots drive below twice the speed told.
-        self.limit = 2.0 * max(1.0, -robot.min_speed_mps / robot.max_speed_mps)
+        self.limit = 2.0 * max(1.0, *(-robot.min_speed_mps / robot.max_speed_mps for robot in robots))
 
     def write(self, senses: Senses, out: F32) -> None:
         """Fill (N, 2)."""
-        out[:, 0] = senses.twist[:, 0] / self._robot.max_speed_mps
-        out[:, 1] = senses.twist[:, 1] / self._robot.max_yaw_rate_radps
+        out[:, 0] = senses.twist[:, 0] / self._robots.max_speed_mps[senses.kind]
+        out[:, 1] = senses.twist[:, 1] / self._robots.max_yaw_rate_radps[senses.kind]
 
     def mirror(self) -> Mirror | None:
         """The yaw rate turns round."""

@@ -4,7 +4,7 @@ from adrl.geometry import Array
 from adrl.types.forms import FORMS, Form, require_forms
 from adrl.types.polygons import outline
 from adrl.types.protocols import ACTION_SIZE, GUIDANCE, SPLITS, Policy, Scenario
-from adrl.types.robots import BEYOND_SPEED, SLIP_M, LidarConfig, RobotConfig
+from adrl.types.robots import BEYOND_SPEED, SLIP_M, LidarConfig, RobotConfig, RobotRows
 from adrl.types.saved import with_defaults, without_constants
 from adrl.types.worlds import OccupancyGrid, Task, World, disc_centres
 
@@ -21,6 +21,7 @@ __all__ = [
     "OccupancyGrid",
     "Policy",
     "RobotConfig",
+    "RobotRows",
     "Scenario",
     "Task",
     "World",

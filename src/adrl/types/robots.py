@@ -1,9 +1,10 @@
 """Robots and their LiDARs."""
 
 import math
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -202,3 +203,29 @@ class RobotConfig(HasNative):
         return (
             self.radius_m if self.radius_m is not None else float(np.linalg.norm(self.polygon, axis=1).max())
         )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class RobotRows:
+    """Numbers of N robots of several kinds, arrays (N,) that have the names of RobotConfig's numbers.
+
+    What takes a RobotConfig for N robots of one kind takes this for those of several. rows[indices] are some of them.
+    """
+
+    max_speed_mps: Array
+    min_speed_mps: Array
+    max_yaw_rate_radps: Array
+    control_period_s: Array
+    circumscribed_radius_m: Array
+    max_range_m: Array
+    """The LiDAR's."""
+
+    @classmethod
+    def of(cls, robots: Sequence[RobotConfig]) -> Self:
+        """A row a robot."""
+        names = [field.name for field in fields(cls) if field.name != "max_range_m"]
+        columns = {name: np.array([getattr(robot, name) for robot in robots]) for name in names}
+        return cls(**columns, max_range_m=np.array([robot.lidar.max_range_m for robot in robots]))
+
+    def __getitem__(self, rows: Any) -> Self:
+        return type(self)(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
