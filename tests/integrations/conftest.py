@@ -18,16 +18,26 @@ def ros2_python() -> Path:
     return Path(os.environ.get("ADRL_ROS2") or SOURCE / ".venv-ros2") / "bin" / "python"
 
 
+def require(there: object, otherwise: str) -> None:
+    """A test that needs what is not there is skipped, in CI failed."""
+    if not there:
+        (pytest.fail if os.environ.get("CI") == "true" else pytest.skip)(otherwise)
+
+
+def require_ros2() -> Path:
+    """Its Python."""
+    require(ros2_python().exists(), "no ROS 2; run make ros2")
+    return ros2_python()
+
+
 @pytest.fixture(params=["ros2", "ros1"])
 def ros(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Ros]:
-    """A generation of ROS. Where it is not: skipped, in CI failed."""
+    """A generation of ROS."""
     if request.param == "ros2":
-        missing = "" if ros2_python().exists() else "no ROS 2; run make ros2"
+        require_ros2()
     else:
         there = (DIST_PACKAGES / "rospy").is_dir() and shutil.which("rosmaster")
-        missing = "" if there else "no ROS 1; on Debian: apt-get install python3-rospy python3-rosmaster"
-    if missing:
-        (pytest.fail if os.environ.get("CI") == "true" else pytest.skip)(missing)
+        require(there, "no ROS 1; on Debian: apt-get install python3-rospy python3-rosmaster")
     generation = 2 if request.param == "ros2" else 1
     python = ros2_python() if generation == 2 else Path(sys.executable)
     running = Ros(generation, python, tmp_path)
