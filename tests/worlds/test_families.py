@@ -26,7 +26,7 @@ def test_a_drawn_robot_is_of_its_family_and_sees_where_it_stops(split: str, numb
     assert ANY.outside(robot) == ()
     lidar, period = robot.lidar, robot.control_period_s
     assert robot.covers(np.array([lidar.mount_x_m, lidar.mount_y_m]))
-    assert robot.latency_s <= 15.0 * period
+    assert robot.latency_s <= 7.0 * period
     front = robot.radius_m if robot.radius_m is not None else float(robot.polygon[:, 0].max())
     half = robot.radius_m if robot.radius_m is not None else float(robot.polygon[:, 1].max())
     stops_m = robot.stop_distance_m + robot.max_speed_mps * period

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from adrl.errors import ConfigError
 from adrl.observation.component import ComponentFactory
 from adrl.ranges import Range, check_ranges
+from adrl.types import RobotConfig
 
 if TYPE_CHECKING:
     ExtraComponent = str | ComponentFactory
@@ -27,6 +28,11 @@ class EncoderConfig:
     history_steps: Annotated[int, Range(0, 50)] = 0
     """Control periods between the two scans whose comparison adds num_sectors motion cues (see motion), 0 to 50; 0 for
     none."""
+    body: bool = False
+    """Also tell what the robot's body is (see body): for a policy of many robots."""
+    reach_m: Annotated[float, Range(0.05, 1000.0)] | None = None
+    """Where the scale of the scan's distances ends, m, 0.05 to 1000: what is farther, and what the robot's own LiDAR
+    does not reach, reads free. None: the reach of the robot's own LiDAR, another scale for each."""
     extra_components: tuple[ExtraComponent, ...] = ()
     """Components after the built-in ones: factories, or names of the entry point group
     "adrl.observation_components"."""
@@ -40,9 +46,18 @@ class EncoderConfig:
                 )
         check_ranges(self, "encoder.")
 
+    def has(self, component: str) -> bool:
+        """Whether an observation has this built-in component: motion cues and the body are asked for."""
+        return {"motion": self.history_steps > 0, "body": self.body}.get(component, True)
+
+    def reach_of(self, robot: RobotConfig) -> float:
+        """Where the scale of a robot's distances ends, m."""
+        return robot.lidar.max_range_m if self.reach_m is None else self.reach_m
+
     def fields(self) -> dict[str, Any]:
-        """As JSON takes it: components by their names, no entry where there are none, as in policies of before."""
+        """As JSON takes it: components by their names; what came later has no entry where it is not used, as in
+        policies of before."""
         plain = asdict(replace(self, extra_components=()))
-        del plain["extra_components"]
         names = [part if isinstance(part, str) else part.name for part in self.extra_components]
-        return plain | ({"extra_components": names} if names else {})
+        later = {"body": self.body, "reach_m": self.reach_m, "extra_components": names}
+        return {name: value for name, value in (plain | later).items() if value or name not in later}

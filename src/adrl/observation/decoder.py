@@ -48,7 +48,7 @@ class ObservationDecoder:
             name: np.asarray(observation[:, place], np.float64)
             for name, place in self._encoder.places.items()
         }
-        reach = math.log1p(robot.lidar.max_range_m / config.near_m)
+        reach = math.log1p(config.reach_of(robot) / config.near_m)
         direction, near, far = told["goal"][:, :2], told["goal"][:, 2], told["goal"][:, 3]
         # Near goals and far ones have a scale each.
         distance = np.where(

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.errors import ConfigError
+from adrl.observation.body import Body
 from adrl.observation.component import F32, Component, ComponentFactory, Mirror, OfEach, Senses
 from adrl.observation.config import EncoderConfig
 from adrl.observation.goal import Goal
@@ -22,8 +23,9 @@ COMPONENTS: dict[str, Callable[[Sequence[RobotConfig], EncoderConfig], Component
     "twist": Twist,
     "last_action": LastAction,
     "motion": MotionCues,
+    "body": Body,
 }
-"""The built-in components, in the order in which an observation has them. Motion cues need history_steps.
+"""The built-in components, in the order in which an observation has them; see EncoderConfig.has.
 
 Each is made for all robots of an encoder at once, and finds in Senses.kind which of them a row is.
 """
@@ -33,7 +35,7 @@ class ObservationEncoder:
     """(N, K) ranges, goals, twists and last actions -> (N, D) float32, the components side by side.
 
     Of one robot, or of several, of which each row is one: its kind. D = num_sectors + 8; with motion cues
-    2 num_sectors + 8, and encode() takes the ScanHistory of the robots. Extra components come on top.
+    2 num_sectors + 8, and encode() takes the ScanHistory of the robots. The body and extra components come on top.
     """
 
     def __init__(
@@ -44,9 +46,7 @@ class ObservationEncoder:
         self.robots: tuple[RobotConfig, ...] = (robot,) if isinstance(robot, RobotConfig) else tuple(robot)
         """By their numbers, which Senses.kind has."""
         self.components: dict[str, Component] = {
-            name: make(self.robots, self.config)
-            for name, make in COMPONENTS.items()
-            if name != "motion" or self.config.history_steps > 0
+            name: make(self.robots, self.config) for name, make in COMPONENTS.items() if self.config.has(name)
         }
         """By name, in order."""
         scan = self.components["scan"]

@@ -38,9 +38,9 @@ class BeamsOfSectors:
 
 
 class Scan:
-    """num_sectors numbers: 0 at contact, just below 1 at the LiDAR's greatest range, logarithmic between.
+    """num_sectors numbers: 0 at contact, just below 1 at the greatest range, logarithmic between.
 
-    A sector no beam falls in reads the greatest range.
+    The greatest range is the LiDAR's, or reach_m, which is then that of all robots. A sector no beam falls in reads it.
     """
 
     def __init__(self, robots: Sequence[RobotConfig], config: EncoderConfig) -> None:
@@ -57,14 +57,19 @@ class Scan:
             np.float32
         )
         """(R, S) distance from each robot's LiDAR to its footprint's edge in the middle of each sector."""
-        scales = [1.0 / math.log1p(robot.lidar.max_range_m / config.near_m) for robot in robots]
+        scales = [1.0 / math.log1p(config.reach_of(robot) / config.near_m) for robot in robots]
         self._log_scale = np.array(scales, np.float32)[:, None]
+        self._config = config
+        self._own_reach = np.array([robot.lidar.max_range_m for robot in robots], np.float32)[:, None]
         self._inverse_near = np.float32(1.0 / config.near_m)
 
     def write(self, senses: Senses, out: F32) -> None:
         """Fill (N, S)."""
         nearest = np.empty((len(senses.kind), self.size), np.float32)
         self._sectors.nearest(senses.kind, np.ascontiguousarray(senses.ranges, np.float32), nearest)
+        if self._config.reach_m is not None:
+            nearest[nearest >= self._own_reach[senses.kind]] = np.inf
+            np.minimum(nearest, np.float32(self._config.reach_m), out=nearest)
         nearest -= self.extent_m[senses.kind]
         np.maximum(nearest, 0.0, out=nearest)
         nearest *= self._inverse_near
@@ -72,8 +77,9 @@ class Scan:
         np.multiply(nearest, self._log_scale[senses.kind], out=out)
 
     def mirror(self) -> Mirror | None:
-        """The sectors in reverse, where bodies and LiDARs are symmetric."""
-        if not all(map(self._is_symmetric, self._robots, self.extent_m)):
+        """The sectors in reverse, where bodies and LiDARs are symmetric, or where the policy is told of them: as the
+        mirrored robot's."""
+        if not self._config.body and not all(map(self._is_symmetric, self._robots, self.extent_m)):
             return None
         return Mirror(np.arange(self.size)[::-1], np.ones(self.size, np.float32))
 

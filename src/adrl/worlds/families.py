@@ -86,7 +86,7 @@ class RobotFamily:
     """The same of the yaw rate: max_yaw_rate_radps / max_yaw_acceleration_radps2."""
     lag_s: Annotated[Span, _of(RobotConfig, "lag_s")] = (0.0, 0.3)
     latency_s: Annotated[Span, _of(RobotConfig, "latency_s")] = (0.0, 0.2)
-    """At most 15 control periods of the same robot."""
+    """At most 7 control periods of the same robot."""
     odometry_drift: Annotated[Span, _of(RobotConfig, "odometry_drift")] = (0.0, 0.05)
     control_period_s: Annotated[Span, _of(RobotConfig, "control_period_s")] = (0.05, 0.2)
     """5 to 20 Hz."""
@@ -114,7 +114,7 @@ class RobotFamily:
             try:
                 robot = self._drawn(seed, f"{self.name}:{split}:{index}")
                 reason = unsound(robot)
-            except ConfigError as error:  # a latency of more than 15 periods
+            except ConfigError as error:  # a latency of more than 7 periods
                 reason = str(error)
             else:
                 if reason is None:
