@@ -38,7 +38,7 @@ RISES = {
     "max_acceleration_mps2": ("acceleration_mps2", (0.01, 1000.0)),
     "max_yaw_acceleration_radps2": ("yaw_acceleration_radps2", (0.01, 1000.0)),
     "lag_s": ("lag_s", (0.0, 10.0)),
-    "latency_s": ("latency_s", (0.0, 4.9)),
+    "latency_s": ("latency_s", (0.0, 4.8)),
     "control_period_s": ("control_period_s", (0.7, 2.0)),
     "min_turning_radius_m": ("turning_radius_m", (0.0, 10.0)),
     "radius_m": ("extent_3", (0.01, 10.0)),

@@ -103,7 +103,7 @@ class RobotConfig(HasNative):
     lag_s: Annotated[float, Range(0.0, 10.0)] = 0.05
     """Time constant of the first-order lag between commanded and executed twist, 0 to 10; 0 for none."""
     latency_s: Annotated[float, Range(0.0, 10.0)] = 0.0
-    """Age of a command when the base starts to act on it, 0 to 10, and at most 15 control periods."""
+    """Age of a command when the base starts to act on it, 0 to 10, and at most 7 control periods."""
     odometry_drift: Annotated[float, Range(0.0, 1.0)] = 0.0
     """Standard deviation of the relative error of the wheel odometry, drawn once an episode for v and w; 0 to 1."""
     control_period_s: Annotated[float, Range(0.005, 2.0)] = 0.1
