@@ -106,7 +106,9 @@ std::unique_ptr<BoundSim> make_sim(int num_envs, int num_threads, Robot robot, S
                        f64("travelled", {n}),
                        u8("reached"),
                        u8("collided"),
-                       f64("memory", {n, kMemory})};
+                       u8("at_fault"),
+                       f64("memory", {n, kMemory}),
+                       f64("people", {n, kMaxPeople, kPersonNumbers})};
     // A copy of the dictionary: taking an array out of the caller's must not free it under the simulator.
     return std::unique_ptr<BoundSim>(new BoundSim{BatchSim(num_envs, num_threads, std::move(robot), config, b), b,
                                                   nb::steal<nb::object>(PyDict_Copy(buffers.ptr()))});
@@ -175,6 +177,8 @@ void bind_batch_sim(nb::module_ &m) {
         .def("plan", &plan, nb::arg("control"), nb::arg("out").noconvert());
     m.attr("NUM_PARAMS") = static_cast<int>(kNumParams);
     m.attr("MEMORY_SIZE") = kMemory;
+    m.attr("MAX_PEOPLE") = kMaxPeople;
+    m.attr("PERSON_NUMBERS") = kPersonNumbers;
     m.attr("MAX_LATENCY_PERIODS") = kHistory - 1;
     m.attr("MAX_CORNERS") = kMaxCorners;
 }

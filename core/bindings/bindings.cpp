@@ -13,6 +13,7 @@
 #include "planning/astar.hpp"
 #include "planning/grid.hpp"
 #include "world/distance_field.hpp"
+#include "world/moving.hpp"
 #include "world/raycast.hpp"
 #include "world/world.hpp"
 
@@ -32,7 +33,7 @@ Returned<float> raycast_many(const World &world, const In<double, Rows3> &poses,
     float *out = nullptr;
     auto result = new_array<float>({poses.shape(0), angles.size()}, out);
     const nb::gil_scoped_release release;
-    const DiscPlaces discs(world, time_s);
+    const DiscPlaces discs = Moving(world).at(time_s);
     std::vector<double> ranges(beams.padded());
     for (std::size_t i = 0; i < poses.shape(0); ++i) {
         raycast(world, discs, pose_at(poses, i), beams, max_range, ranges.data());
@@ -48,7 +49,7 @@ Returned<double> clearance_many(const World &world, const In<double, Rows3> &pos
     double *out = nullptr;
     auto result = new_array<double>({poses.shape(0)}, out);
     const nb::gil_scoped_release release;
-    const DiscPlaces discs(world, time_s);
+    const DiscPlaces discs = Moving(world).at(time_s);
     for (std::size_t i = 0; i < poses.shape(0); ++i) {
         out[i] = clearance(world, discs, footprint, pose_at(poses, i), limit);
     }
@@ -123,7 +124,7 @@ Returned<double> integrate_many(const In<double, Rows3> &poses, const In<double,
 std::shared_ptr<World> make_world(const In<double, Rows3> &circles, const In<double, Rows2> &corners,
                                   const In<std::int32_t, nb::shape<-1>> &offsets, const In<double, Rows4> &segments,
                                   const In<double, Rows8> &discs, const Bitmap8 &solid, double resolution,
-                                  std::tuple<double, double, double> origin) {
+                                  std::tuple<double, double, double> origin, const Crowd *crowd) {
     require_all_finite(circles, "circles");
     require_all_finite(corners, "polygon_corners");
     require_all_finite(segments, "segments");
@@ -139,7 +140,32 @@ std::shared_ptr<World> make_world(const In<double, Rows3> &circles, const In<dou
     if (!fits) throw nb::value_error("polygon_offsets: give 0, rising by 3 or more, up to the number of corners");
     return std::make_shared<World>(view(circles), view(corners), view(offsets), view(segments), view(discs),
                                    solid.data(), static_cast<int>(solid.shape(0)), static_cast<int>(solid.shape(1)),
-                                   resolution, Pose{std::get<0>(origin), std::get<1>(origin), std::get<2>(origin)});
+                                   resolution, Pose{std::get<0>(origin), std::get<1>(origin), std::get<2>(origin)},
+                                   crowd == nullptr ? Crowd{} : *crowd);
+}
+
+std::shared_ptr<Crowd> make_crowd(const In<double, nb::shape<-1, 5>> &walkers, const In<double, Rows2> &way_points,
+                                  const In<std::int32_t, nb::shape<-1>> &offsets, bool legs) {
+    require_all_finite(walkers, "walkers");
+    require_all_finite(way_points, "way_points");
+    const std::size_t n = walkers.shape(0);
+    if (n > kMaxPeople) throw nb::value_error("walkers: at most 64");
+    bool fits = offsets.size() == n + 1 && *offsets.data() == 0 &&
+                offsets.data()[n] == static_cast<std::int64_t>(way_points.shape(0));
+    auto made = std::make_shared<Crowd>();
+    Crowd &crowd = *made;
+    crowd.legs = legs;
+    for (std::size_t i = 0; fits && i < n; ++i) {
+        const auto row = [&](int j) { return walkers(i, j); };
+        fits = offsets.data()[i] + (row(1) > 0.0 ? 2 : 1) <= offsets.data()[i + 1];
+        crowd.walkers.push_back(
+            {row(0), row(1), row(2), row(3), static_cast<int>(row(4)), offsets.data()[i], offsets.data()[i + 1]});
+    }
+    if (!fits)
+        throw nb::value_error("way_offsets: give 0, rising by 1 or more, for who walks 2, to the points' number");
+    for (std::size_t i = 0; i < way_points.shape(0); ++i)
+        crowd.way_points.push_back({way_points(i, 0), way_points(i, 1)});
+    return made;
 }
 
 } // namespace
@@ -154,10 +180,14 @@ void bind_scans(nb::module_ &m);
 NB_MODULE(_core, m) {
     nb::set_leak_warnings(false); // robots in module globals outlive the interpreter; nothing is lost
     m.doc() = "Kernels of ADRL: ray casting, kinematics, collision, planning and the batch simulator.";
+    nb::class_<Crowd>(m, "Crowd")
+        .def(nb::new_(&make_crowd), nb::arg("walkers").noconvert(), nb::arg("way_points").noconvert(),
+             nb::arg("way_offsets").noconvert(), nb::arg("legs"));
     nb::class_<World>(m, "World")
         .def(nb::new_(&make_world), nb::arg("circles").noconvert(), nb::arg("polygon_corners").noconvert(),
              nb::arg("polygon_offsets").noconvert(), nb::arg("segments").noconvert(), nb::arg("discs").noconvert(),
-             nb::arg("solid").noconvert(), nb::arg("resolution_m"), nb::arg("origin"));
+             nb::arg("solid").noconvert(), nb::arg("resolution_m"), nb::arg("origin"),
+             nb::arg("crowd").none() = nb::none());
     m.def("raycast", &raycast_many, nb::arg("world"), nb::arg("poses").noconvert(), nb::arg("angles_rad").noconvert(),
           nb::arg("max_range_m"), nb::arg("time_s") = 0.0);
     m.def("clearance", &clearance_many, nb::arg("world"), nb::arg("poses").noconvert(), nb::arg("radius_m"),

@@ -34,12 +34,12 @@ LocalControl::LocalControl(int num_robots, int num_threads, ControlSetup setup, 
     memory_size_ = control_memory(setup_.controller);
 }
 
-Twist LocalControl::in_world(int i, const World &world, const Path &path, double along, const DriveLimits &limits,
+Twist LocalControl::in_world(int i, const Moving &moving, const Path &path, double along, const DriveLimits &limits,
                              const Pose &pose, const Twist &twist, double time_s) {
     auto borrowed = stock_.borrow();
     Scratch &scratch = *borrowed;
     const double reach = scratch.controller->reach(setup_.footprint, limits, setup_.dt_s);
-    scratch.obstacles.gather(world, pose, reach, time_s, setup_.foresee);
+    scratch.obstacles.gather(moving, pose, reach, time_s, setup_.foresee);
     return decide(i, scratch, limits, pose, twist, path, along);
 }
 

@@ -25,7 +25,7 @@ struct ControlSetup {
     Footprint footprint;
     DriveLimits limits;
     double dt_s = 0.1;
-    bool foresee = true; // in a known world moving discs are where they will be; otherwise they stand where they are
+    bool foresee = true; // in a known world discs are where they will be, and people walk on as they do
     ControllerConfig controller;
 };
 
@@ -36,8 +36,9 @@ class LocalControl {
     LocalControl(int num_robots, int num_threads, ControlSetup setup, double *memory);
 
     int num_robots() const { return num_robots_; }
-    // Robot i on a path in a known world. limits: of its base, as it is today.
-    Twist in_world(int i, const World &world, const Path &path, double along, const DriveLimits &limits,
+    // Robot i on a path in a known world. limits: of its base, as it is today. moving: what it knows of what moves
+    // there.
+    Twist in_world(int i, const Moving &moving, const Path &path, double along, const DriveLimits &limits,
                    const Pose &pose, const Twist &twist, double time_s);
     // The robots of the mask (N) on routes of their own, in maps of their own: commands into out (N, 2). along (N): how
     // far along its route each has come. pose (N, 3), twist (N, 2).

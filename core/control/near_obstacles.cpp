@@ -97,20 +97,20 @@ bool NearObstacles::gather_within(const World &world, double reach) {
                                      bitmap.origin, bitmap.resolution, reach);
 }
 
-void NearObstacles::gather(const World &world, const Pose &pose, double reach, double time_s, bool foresee) {
+void NearObstacles::gather(const Moving &moving, const Pose &pose, double reach, double time_s, bool foresee) {
     robot_ = {pose.x, pose.y};
-    moving_ = &world;
+    moving_ = moving;
     time_s_ = time_s;
-    while (!gather_within(world, reach) && reach > 0.05) reach *= 0.8;
+    while (!gather_within(moving.world(), reach) && reach > 0.05) reach *= 0.8;
     if (foresee) return;
     count_ = place_discs(0.0);
-    moving_ = nullptr;
+    moving_.reset();
 }
 
 void NearObstacles::gather(const std::int8_t *log_odds, const WindowShape &shape, const WindowOrigin &origin,
                            const Pose &pose, double reach) {
     robot_ = {pose.x, pose.y};
-    moving_ = nullptr;
+    moving_.reset();
     const SolidCells solid{shape.height, shape.width, nullptr, log_odds};
     const Pose lattice{static_cast<double>(origin.column) * shape.resolution,
                        static_cast<double>(origin.row) * shape.resolution, 0.0};
@@ -121,15 +121,15 @@ void NearObstacles::gather(const std::int8_t *log_odds, const WindowShape &shape
 }
 
 int NearObstacles::place_discs(double after_s) {
-    if (moving_ == nullptr) return count_;
-    const int still = count_;
-    int all = still;
-    for (const MovingDisc &disc : moving_->discs()) {
-        const Vec2 p = disc.at(time_s_ + after_s) - robot_;
+    if (!moving_) return count_;
+    int all = count_;
+    const DiscPlaces discs = moving_->at(time_s_ + after_s);
+    for (int k = 0; k < discs.count; ++k) {
+        const Vec2 p = Vec2{discs.x[k], discs.y[k]} - robot_;
         ax[all] = static_cast<float>(p.x);
         ay[all] = static_cast<float>(p.y);
         ex[all] = ey[all] = inverse[all] = 0.0F;
-        radius[all++] = static_cast<float>(disc.radius);
+        radius[all++] = static_cast<float>(discs.radius[k]);
     }
     return all;
 }

@@ -2,9 +2,11 @@
 // of the robot's own.
 #pragma once
 
+#include <optional>
+
 #include "drive/collision.hpp"
 #include "planning/occupancy.hpp"
-#include "world/world.hpp"
+#include "world/moving.hpp"
 
 namespace adrl {
 
@@ -15,14 +17,14 @@ class NearObstacles {
   public:
     static constexpr int kMax = 1024; // where there are more, the robot looks less far
 
-    // What of the world lies within `reach`. foresee: moving discs are where they will be; otherwise they stand still.
-    void gather(const World &world, const Pose &pose, double reach, double time_s, bool foresee);
+    // What of the world lies within `reach`. foresee: what moves is where it will be; otherwise it stands still.
+    void gather(const Moving &moving, const Pose &pose, double reach, double time_s, bool foresee);
     // Solid cells of a window within `reach`.
     void gather(const std::int8_t *log_odds, const WindowShape &shape, const WindowOrigin &origin, const Pose &pose,
                 double reach);
 
     int count() const { return count_; }
-    // Puts the moving discs where they will be after `after_s`, behind the others: the number of all.
+    // Puts what moves where it will be after `after_s`, behind the others: the number of all.
     int place_discs(double after_s);
     // Distance from the footprint's edge to the nearest obstacle after `after_s`, at most `limit`; 0 or less where they
     // overlap. at: relative to the robot's position.
@@ -42,7 +44,7 @@ class NearObstacles {
 
     Vec2 robot_;
     int count_ = 0;
-    const World *moving_ = nullptr;
+    std::optional<Moving> moving_;
     double time_s_ = 0.0;
 };
 

@@ -8,6 +8,11 @@
 namespace adrl {
 namespace {
 
+// A robot moves into what it touches when by its own motion it came nearer at kOwnSpeed m/s or more in the last kMoment
+// seconds.
+constexpr double kMoment = 0.05;
+constexpr double kOwnSpeed = 0.05;
+
 struct Lanes { // running minima, a lane each, so that the loops become vector code without reordering
     alignas(64) double value[kLanes];
     explicit Lanes(double start) { std::fill(value, value + kLanes, start); }
@@ -225,22 +230,28 @@ bool corridor_free(const World &world, Vec2 from, Vec2 to, double radius) {
     }
 }
 
-Motion drive(const World &world, const Footprint &footprint, const Pose &pose, const Twist &twist, double time_s,
+Motion drive(const Moving &moving, const Footprint &footprint, const Pose &pose, const Twist &twist, double time_s,
              double dt_s, double start_clearance, double limit) {
+    const World &world = moving.world();
     // Turning moves no point of a disc's outline; a polygon's corners sweep at up to |w| r.
     const double sweep = footprint.is_disc() ? 0.0 : std::abs(twist.w) * footprint.radius;
-    const double closing = std::abs(twist.v) + sweep + world.max_disc_speed();
+    const double closing = std::abs(twist.v) + sweep + moving.max_speed();
     Motion motion{pose, 0.0, start_clearance, start_clearance <= 0.0, start_clearance};
     double here = start_clearance;
     while (!motion.collided && motion.moved_s < dt_s) {
         const double safe_s = closing > 0.0 ? std::max(here, kContact) / closing : dt_s;
         motion.moved_s = std::min(dt_s, motion.moved_s + safe_s);
         motion.pose = integrate(pose, twist, motion.moved_s);
-        here = clearance(world, DiscPlaces(world, time_s + motion.moved_s), footprint, motion.pose, limit);
+        here = clearance(world, moving.at(time_s + motion.moved_s), footprint, motion.pose, limit);
         motion.clearance = std::min(motion.clearance, here);
         motion.collided = here <= 0.0;
     }
     motion.final_clearance = here;
+    if (motion.collided) {
+        const Pose earlier = integrate(motion.pose, {-twist.v, -twist.w}, kMoment);
+        const DiscPlaces discs = moving.at(time_s + motion.moved_s);
+        motion.at_fault = clearance(world, discs, footprint, earlier, limit) > here + kOwnSpeed * kMoment;
+    }
     return motion;
 }
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "world/geometry.hpp"
-#include "world/world.hpp"
+#include "world/moving.hpp"
 
 namespace adrl {
 
@@ -39,13 +39,14 @@ struct Motion {
     double clearance = 0.0; // least seen on the way
     bool collided = false;
     double final_clearance = 0.0;
+    bool at_fault = false; // collided, and moved into what it touches: a moment ago on its own way there was more room
 };
 
 // Drives an arc of constant twist for dt from time_s, stopping at the first contact. Conservative advancement: from
 // clearance c nothing can be hit before c / (fastest closing speed), so nothing is passed through at any speed;
 // contacts are found to within kContact metres.
 inline constexpr double kContact = 1e-3;
-Motion drive(const World &world, const Footprint &footprint, const Pose &pose, const Twist &twist, double time_s,
+Motion drive(const Moving &moving, const Footprint &footprint, const Pose &pose, const Twist &twist, double time_s,
              double dt_s, double start_clearance, double limit);
 
 } // namespace adrl

@@ -86,7 +86,7 @@ void BatchSim::plan(LocalControl &control, double *out) {
             const double here = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
             const double along = task.path.project({then.pose.x, then.pose.y}, here, here + rules_.window);
             const Twist command =
-                control.in_world(i, *task.world, task.path, along, limits, then.pose, then.twist, then.time_s);
+                control.in_world(i, moving(i), task.path, along, limits, then.pose, then.twist, then.time_s);
             out[2 * i] = command.v;
             out[2 * i + 1] = command.w;
         }
@@ -126,10 +126,11 @@ void BatchSim::reset_one(int i) {
     b_.twist[2 * i + 1] = 0.0;
     b_.time[i] = 0.0;
     b_.travelled[i] = 0.0;
-    b_.clearance[i] =
-        clearance(*task.world, DiscPlaces(*task.world, 0.0), robot_.footprint, task.start, config_.clearance_limit);
+    if (Person *walkers = people(i)) begin_walk(*task.world, b_.seed[i], walkers);
+    b_.clearance[i] = clearance(*task.world, moving(i).at(0.0), robot_.footprint, task.start, config_.clearance_limit);
     b_.least_clearance[i] = b_.clearance[i];
     b_.collided[i] = b_.clearance[i] <= 0.0;
+    b_.at_fault[i] = 0;
     b_.reached[i] = norm(Vec2{task.start.x, task.start.y} - task.goal) < task.goal_tolerance;
     guide(i);
     sense(i);
@@ -154,7 +155,13 @@ void BatchSim::step_one(int i) {
     double clear = b_.clearance[i];
     double least = clear;
     double time_s = b_.time[i];
-    bool collided = false;
+    bool collided = false, at_fault = false;
+    Person *walkers = people(i);
+    if (walkers != nullptr) {
+        const Vec2 velocity{twist.v * std::cos(pose.theta), twist.v * std::sin(pose.theta)};
+        decide(*task.world, {before, velocity, robot_.footprint.radius}, time_s, robot_.dt_s, walkers);
+    }
+    const Moving around = moving(i);
     for (int part = 0; part < 2 && !collided; ++part) {
         if (spans[part] <= 0.0) continue;
         const double *due = history + 2 * (delay.whole + 1 - part);
@@ -162,7 +169,7 @@ void BatchSim::step_one(int i) {
         const Twist next = advance_twist(twist, wanted, limits, spans[part]);
         const Twist mean = mean_twist(twist, next, limits);
         const Motion motion =
-            drive(*task.world, robot_.footprint, pose, mean, time_s, spans[part], clear, config_.clearance_limit);
+            drive(around, robot_.footprint, pose, mean, time_s, spans[part], clear, config_.clearance_limit);
         odometry = integrate(odometry,
                              {mean.v * (1.0 + params[kOdometrySpeedError]), mean.w * (1.0 + params[kOdometryYawError])},
                              motion.moved_s);
@@ -173,7 +180,9 @@ void BatchSim::step_one(int i) {
         clear = motion.final_clearance;
         least = std::min(least, motion.clearance);
         collided = motion.collided;
+        at_fault = motion.at_fault;
     }
+    if (walkers != nullptr) walk(*task.world, time_s - b_.time[i], walkers);
     store_pose(b_.pose + 3 * i, pose);
     store_pose(b_.odometry + 3 * i, odometry);
     b_.twist[2 * i] = collided ? 0.0 : twist.v;
@@ -181,6 +190,7 @@ void BatchSim::step_one(int i) {
     b_.clearance[i] = clear;
     b_.least_clearance[i] = least;
     b_.collided[i] = collided;
+    b_.at_fault[i] = at_fault;
     b_.time[i] = time_s;
     memory[1] += 1.0;
     b_.reached[i] = arrived(i, before);
@@ -201,11 +211,16 @@ void BatchSim::follow_one(int i, Vec2 before) {
     const Task &task = *tasks_[i];
     const Pose pose = load_pose(b_.pose + 3 * i);
     const double clear =
-        clearance(*task.world, DiscPlaces(*task.world, b_.time[i]), robot_.footprint, pose, config_.clearance_limit);
+        clearance(*task.world, moving(i).at(b_.time[i]), robot_.footprint, pose, config_.clearance_limit);
     b_.least_clearance[i] = std::min(b_.clearance[i], clear);
     b_.clearance[i] = clear;
     b_.reached[i] = arrived(i, before);
     guide(i);
+}
+
+Person *BatchSim::people(int i) const {
+    if (tasks_[i]->world->crowd().count() == 0) return nullptr;
+    return reinterpret_cast<Person *>(b_.people + static_cast<std::ptrdiff_t>(i) * kMaxPeople * kPersonNumbers);
 }
 
 bool BatchSim::arrived(int i, Vec2 before) const {
@@ -221,7 +236,7 @@ void BatchSim::sense(int i) {
     const double *memory = b_.memory + static_cast<std::ptrdiff_t>(i) * kMemory;
     alignas(64) double exact[kMaxBeams + kLanes];
     const Pose sensor = compose(load_pose(b_.pose + 3 * i), robot_.mount);
-    raycast(*task.world, DiscPlaces(*task.world, b_.time[i]), sensor, robot_.beams, robot_.max_range, exact);
+    raycast(*task.world, moving(i).seen_at(b_.time[i]), sensor, robot_.beams, robot_.max_range, exact);
     float *out = b_.ranges + static_cast<std::ptrdiff_t>(i) * robot_.beams.count();
     if (params[kRangeNoise] > 0.0 || params[kDropout] > 0.0) {
         disturb(exact, robot_.beams.count(), random_key(b_.seed[i], static_cast<std::uint64_t>(memory[1])),

@@ -12,6 +12,7 @@
 #include "planning/path.hpp"
 #include "planning/path_guide.hpp"
 #include "thread_pool.hpp"
+#include "world/people.hpp"
 #include "world/raycast.hpp"
 #include "world/world.hpp"
 
@@ -72,7 +73,9 @@ struct SimBuffers {
     double *travelled;          // (N) metres driven
     std::uint8_t *reached;      // (N)
     std::uint8_t *collided;     // (N)
+    std::uint8_t *at_fault;     // (N) collided, and moved into what it touches
     double *memory;             // (N, kMemory)
+    double *people;             // (N, kMaxPeople, kPersonNumbers) a Person each; those beyond the world's mean nothing
 };
 
 struct SimConfig {
@@ -125,6 +128,9 @@ class BatchSim {
     bool arrived(int i, Vec2 before) const;
     void sense(int i);
     void guide(int i);
+    Person *people(int i) const; // null where nobody walks
+    // What moves about robot i, from now on.
+    Moving moving(int i) const { return {*tasks_[i]->world, people(i), b_.time[i]}; }
 
     int num_envs_;
     Robot robot_;

@@ -11,7 +11,7 @@
 
 namespace adrl {
 
-// Circles, boxes, walls, moving discs and a turned bitmap around the origin.
+// Circles, boxes, walls, moving discs, people and a turned bitmap around the origin.
 inline std::shared_ptr<const World> crowded_world() {
     const std::vector<double> circles{2.0, 1.0, 0.4, -1.5, 2.0, 0.3, 1.0, -2.0, 0.2};
     const std::vector<double> corners{-3.0, -1.0, -2.0, -1.0, -2.0, 0.5, 3.0, 2.0, 4.0, 2.0, 3.5, 3.0};
@@ -20,8 +20,12 @@ inline std::shared_ptr<const World> crowded_world() {
     const std::vector<double> discs{-3.0, 3.0, 3.0, 3.0, 0.3, 0.5, 0.2, std::numeric_limits<double>::infinity()};
     std::vector<std::uint8_t> solid(20 * 30, 0);
     for (std::size_t i = 0; i < solid.size(); i += 17) solid[i] = 1;
+    Crowd crowd;
+    crowd.way_points = {{-3.0, 2.5}, {3.0, 1.5}, {0.0, -1.0}, {0.5, -4.0}, {-2.5, -3.0}};
+    crowd.walkers = {{0.3, 1.2, 0.5, 0.2, 0, 0, 2}, {0.25, 1.0, 0.0, 0.3, -1, 2, 4}, {0.3, 0.0, 0.5, 0.2, 0, 4, 5}};
+    crowd.legs = true;
     return std::make_shared<const World>(circles, corners, offsets, walls, discs, solid.data(), 20, 30, 0.1,
-                                         Pose{-1.0, -4.0, 0.3});
+                                         Pose{-1.0, -4.0, 0.3}, crowd);
 }
 
 class SimFixture {
@@ -30,7 +34,8 @@ class SimFixture {
         : command(2 * n, 0.4), params(kNumParams * n), pose(3 * n), odometry(3 * n), twist(2 * n), clearance(n),
           least(n), waypoint(2 * n), route_left(n), time(n), travelled(n), memory(kMemory * n), plans(2 * n),
           remembered(static_cast<std::size_t>(n) * control_memory(controller)),
-          ranges(static_cast<std::size_t>(kBeams) * n), active(n, 1), reached(n), collided(n), mask(n, 1), seed(n),
+          ranges(static_cast<std::size_t>(kBeams) * n), active(n, 1), reached(n), collided(n), at_fault(n), mask(n, 1),
+          seed(n), people(static_cast<std::size_t>(kMaxPeople) * kPersonNumbers * n),
           control(n, num_threads, {robot(polygon).footprint, DriveLimits{}, 0.1, true, controller}, remembered.data()),
           sim(n, num_threads, robot(polygon), SimConfig{}, buffers()) {
         const auto world = crowded_world();
@@ -66,8 +71,9 @@ class SimFixture {
     std::vector<double> command, params, pose, odometry, twist, clearance, least, waypoint, route_left, time, travelled,
         memory, plans, remembered;
     std::vector<float> ranges;
-    std::vector<std::uint8_t> active, reached, collided, mask;
+    std::vector<std::uint8_t> active, reached, collided, at_fault, mask;
     std::vector<std::uint64_t> seed;
+    std::vector<double> people;
     LocalControl control;
     BatchSim sim;
 
@@ -79,10 +85,10 @@ class SimFixture {
     }
 
     SimBuffers buffers() {
-        return {command.data(),  active.data(),     seed.data(),  params.data(),    ranges.data(),
-                pose.data(),     odometry.data(),   twist.data(), clearance.data(), least.data(),
-                waypoint.data(), route_left.data(), time.data(),  travelled.data(), reached.data(),
-                collided.data(), memory.data()};
+        return {command.data(),  active.data(),     seed.data(),   params.data(),    ranges.data(),
+                pose.data(),     odometry.data(),   twist.data(),  clearance.data(), least.data(),
+                waypoint.data(), route_left.data(), time.data(),   travelled.data(), reached.data(),
+                collided.data(), at_fault.data(),   memory.data(), people.data()};
     }
 };
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "world/geometry.hpp"
-#include "world/world.hpp"
+#include "world/moving.hpp"
 
 namespace adrl {
 

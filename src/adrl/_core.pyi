@@ -12,6 +12,11 @@ U8 = NDArray[np.uint8]
 I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
 
+class Crowd:
+    """Who walks in a world; see adrl.types.People. walkers (P, 5): radius, speed, share, reaction_s, group; person i
+    walks the way points (W, 2) from way_offsets[i] to way_offsets[i + 1]."""
+    def __init__(self, walkers: F64, way_points: F64, way_offsets: I32, legs: bool) -> None: ...
+
 class World:
     def __init__(
         self,
@@ -23,6 +28,7 @@ class World:
         solid: U8,
         resolution_m: float,
         origin: tuple[float, float, float],
+        crowd: Crowd | None = None,
     ) -> None: ...
 
 def raycast(world: World, poses: F64, angles_rad: F64, max_range_m: float, time_s: float = 0.0) -> F32:
@@ -98,6 +104,10 @@ NUM_PARAMS: int
 """Columns of BatchSim's params: speed gain, yaw gain, acceleration, yaw acceleration, lag_s, latency_s, range noise,
 dropout probability, relative odometry error of speed and of yaw rate."""
 MEMORY_SIZE: int
+MAX_PEOPLE: int
+PERSON_NUMBERS: int
+"""Of a person in BatchSim's people: x, y, vx, vy, heading, metres walked, index of the way point headed for, 1 or -1 on
+the way back, seconds until the next decision, seconds held up."""
 MAX_LATENCY_PERIODS: int
 MAX_CORNERS: int
 """Corners of a footprint."""
@@ -225,7 +235,8 @@ class BatchSim:
     """N robots stepped at once. buffers: arrays owned by the caller, row i for robot i: command (N, 2), active (N) u8,
     seed (N) u64, params (N, NUM_PARAMS), ranges (N, K) f32, pose (N, 3), odometry (N, 3), twist (N, 2), clearance (N),
     least_clearance (N), waypoint (N, 2), route_left (N), time (N), travelled (N), reached (N) u8, collided (N) u8,
-    memory (N, MEMORY_SIZE). All that changes is in them: copied and put back, they continue to the same bytes."""
+    at_fault (N) u8, memory (N, MEMORY_SIZE), people (N, MAX_PEOPLE, PERSON_NUMBERS). All that changes is in them:
+    copied and put back, they continue to the same bytes."""
     def __init__(
         self,
         num_envs: int,

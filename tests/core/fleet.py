@@ -43,7 +43,9 @@ OUTPUTS = (
     "travelled",
     "reached",
     "collided",
+    "at_fault",
     "memory",
+    "people",
 )
 """Buffers that the simulator writes."""
 
@@ -53,8 +55,9 @@ def buffers(n: int, beams: int) -> Buffers:
     one = dict.fromkeys(("clearance", "least_clearance", "route_left", "time", "travelled"), ())
     rows = one | {"command": (2,), "pose": (3,), "odometry": (3,), "twist": (2,), "waypoint": (2,)}
     rows |= {"params": (_core.NUM_PARAMS,), "memory": (_core.MEMORY_SIZE,)}
+    rows |= {"people": (_core.MAX_PEOPLE, _core.PERSON_NUMBERS)}
     b: Buffers = {name: np.zeros((n, *shape)) for name, shape in rows.items()}
-    b |= {name: np.zeros(n, dtype=np.uint8) for name in ("active", "reached", "collided")}
+    b |= {name: np.zeros(n, dtype=np.uint8) for name in ("active", "reached", "collided", "at_fault")}
     return b | {"seed": np.zeros(n, dtype=np.uint64), "ranges": np.zeros((n, beams), dtype=np.float32)}
 
 

@@ -141,7 +141,7 @@ def _drive(names: Sequence[str], robot: RobotConfig, scenario: str, tasks: dict[
         for i in np.flatnonzero(sim.b["active"]).tolist():
             one = robots[i]
             if sim.b["collided"][i]:
-                one.outcome = "hit_moving" if _moving_near(sim, i, one.task.world) else "hit_standing"
+                one.outcome = "hit_moving" if _moving_near(sim, i) else "hit_standing"
             elif one.outcome is None and one.is_late(float(sim.b["travelled"][i]), step * period_s):
                 one.outcome = "timeout"
             if one.outcome is not None:
@@ -214,10 +214,10 @@ def params_of(robot: RobotConfig, fault: Fault) -> np.ndarray:
     return np.array([params[name] for name in PARAMS])
 
 
-def _moving_near(sim: NavSim, i: int, world: World) -> bool:
-    """Whether a moving disc touches robot i."""
-    offsets = world.disc_centres(float(sim.b["time"][i])) - sim.b["pose"][i, :2]
-    away = np.hypot(*offsets.T) - world.discs[:, 4]
+def _moving_near(sim: NavSim, i: int) -> bool:
+    """Whether a moving disc or a person touches robot i."""
+    moving = sim.moving(i)
+    away = np.hypot(*(moving[:, :2] - sim.b["pose"][i, :2]).T) - moving[:, 2]
     return bool((away < sim.robot.circumscribed_radius_m + TOUCH_M).any())
 
 

@@ -219,6 +219,20 @@ class NavSim:
         self._features = features(step, self.reward)
         return outcome
 
+    def people(self, row: int) -> Array:
+        """(P, 3) x, y and radius of the people about a robot, now."""
+        task = self.tasks[row]
+        radius = np.empty(0) if task is None else task.world.people.radius_m
+        return np.column_stack([self.b["people"][row, : len(radius), :2], radius])
+
+    def moving(self, row: int) -> Array:
+        """(M, 3) x, y and radius of the discs and people about a robot, now."""
+        task = self.tasks[row]
+        if task is None:
+            return np.empty((0, 3))
+        centres = task.world.disc_centres(float(self.b["time"][row]))
+        return np.concatenate([np.column_stack([centres, task.world.discs[:, 4]]), self.people(row)])
+
     def set_expert(self, name: str) -> None:
         """Let this local controller, of CONTROLLERS, drive in expert_actions() from now on."""
         config = look_up("controller", name, CONTROLLERS)(self.robot)
@@ -255,7 +269,7 @@ class NavSim:
         if self.body is not None:
             raise ConfigError("robots that Gazebo moves cannot be put back amid an episode; start a new run")
         for name, array in self.b.items():
-            array[:] = state[name]
+            array[:] = state.get(name, 0.0) if name in _NEWER else state[name]
         self._last_action = state["last_action"].copy()
         self._displacements = state["displacements"].copy()
         self._features = state["features"].copy()
@@ -307,7 +321,8 @@ class NavSim:
             for i in np.flatnonzero(self.b["active"]):
                 task = self.tasks[i]
                 assert task is not None
-                offsets = task.world.coordinates(float(self.b["time"][i])) - self.b["pose"][i, :2]
+                points = [task.world.coordinates(float(self.b["time"][i])), self.people(int(i))[:, :2]]
+                offsets = np.concatenate(points) - self.b["pose"][i, :2]
                 distance[i] = np.hypot(*offsets.T).min(initial=np.inf)
         return distance
 
@@ -346,6 +361,10 @@ def _heading_error(pose: Array, target: Array) -> Array:
     return np.arctan2(ahead[:, 1], ahead[:, 0])
 
 
+_NEWER = ("at_fault", "people")
+"""Arrays that states of before do not have: nobody walked."""
+
+
 def _buffers(n: int, beams: int) -> dict[str, NDArray[Any]]:
     shapes: dict[str, tuple[tuple[int, ...], Any]] = {
         "command": ((n, 2), np.float64),
@@ -364,6 +383,8 @@ def _buffers(n: int, beams: int) -> dict[str, NDArray[Any]]:
         "travelled": ((n,), np.float64),
         "reached": ((n,), np.uint8),
         "collided": ((n,), np.uint8),
+        "at_fault": ((n,), np.uint8),
         "memory": ((n, _core.MEMORY_SIZE), np.float64),
+        "people": ((n, _core.MAX_PEOPLE, _core.PERSON_NUMBERS), np.float64),
     }
     return {name: np.zeros(shape, dtype=dtype) for name, (shape, dtype) in shapes.items()}

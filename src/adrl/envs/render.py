@@ -81,8 +81,7 @@ class Renderer:
         image = self._background.copy()
         draw = ImageDraw.Draw(image)
         x, y, theta = sim.b["pose"][index]
-        centres = task.world.disc_centres(float(sim.b["time"][index]))
-        for (disc_x, disc_y), radius in zip(centres, task.world.discs[:, 4], strict=True):
+        for disc_x, disc_y, radius in sim.moving(index):
             draw.ellipse(view.disc(disc_x, disc_y, radius), fill=DISC)
         draw.point([p for hit in view.pixels(_hits(sim, index)) for p in hit], fill=SCAN)
         draw.line(view.pixels(task.path), fill=PATH, width=2)

@@ -2,6 +2,7 @@
 
 from adrl.geometry import Array
 from adrl.types.forms import FORMS, Form, require_forms
+from adrl.types.people import MOST_PEOPLE, NOBODY, People
 from adrl.types.polygons import outline
 from adrl.types.protocols import ACTION_SIZE, GUIDANCE, SPLITS, Policy, Scenario
 from adrl.types.robots import BEYOND_SPEED, SLIP_M, LidarConfig, RobotConfig, RobotRows
@@ -13,12 +14,15 @@ __all__ = [
     "BEYOND_SPEED",
     "FORMS",
     "GUIDANCE",
+    "MOST_PEOPLE",
+    "NOBODY",
     "SLIP_M",
     "SPLITS",
     "Array",
     "Form",
     "LidarConfig",
     "OccupancyGrid",
+    "People",
     "Policy",
     "RobotConfig",
     "RobotRows",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from adrl import _core
 from adrl.geometry import Array, in_world_frame
 from adrl.types.base import HasNative, require
+from adrl.types.people import MOST_PEOPLE, NOBODY, People
 from adrl.types.polygons import require_convex
 
 
@@ -44,6 +45,7 @@ class World(HasNative):
     its two ends; phase in [0, 1) is where in the round trip it is at time 0; it stands still after stop_s
     seconds."""
     grid: OccupancyGrid | None = None
+    people: People = NOBODY
 
     def __post_init__(self) -> None:
         for name, width in (("circles", 3), ("segments", 4), ("discs", 8)):
@@ -54,6 +56,10 @@ class World(HasNative):
             object.__setattr__(self, name, array)
         for corners in self.polygons:
             require_convex("world polygon", corners)
+        moving = len(self.discs) + len(self.people)
+        require(
+            moving <= MOST_PEOPLE, f"{moving} moving discs and people; a world holds at most {MOST_PEOPLE}"
+        )
         x_min, y_min, x_max, y_max = self.bounds
         require(x_min < x_max and y_min < y_max, f"world.bounds {self.bounds} is empty")
 
@@ -93,6 +99,7 @@ class World(HasNative):
             np.ascontiguousarray(grid.solid if grid else np.empty((0, 0)), dtype=np.uint8),
             grid.resolution_m if grid else 1.0,
             grid.origin if grid else (0.0, 0.0, 0.0),
+            self.people.native if len(self.people) else None,
         )
 
 

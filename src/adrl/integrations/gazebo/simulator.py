@@ -162,6 +162,8 @@ class Gazebo:
         Boxes and cylinders of the last world are given other sizes and places: Gazebo never quite forgets a model, and
         each reset would take longer than the last.
         """
+        if len(world.people):
+            raise ConfigError("nobody walks in Gazebo: take our simulator for worlds with people")
         if self._film is not None:
             raise ConfigError("a film shows one world; start another for tasks in another one")
         self._arrange(slot, parts(world), world.discs + self._offset[slot] * _DISC_X)

@@ -1,0 +1,47 @@
+// Where all that moves about a robot is: the world's discs, and people as they walk now.
+#pragma once
+
+#include "world/world.hpp"
+
+namespace adrl {
+
+// Discs at one instant, on the stack. Room for two legs of each person.
+struct DiscPlaces {
+    static constexpr int kMost = 2 * kMaxDiscs;
+    alignas(64) double x[kMost];
+    alignas(64) double y[kMost];
+    alignas(64) double radius[kMost];
+    int count = 0;
+    void add(Vec2 p, double r) {
+        x[count] = p.x;
+        y[count] = p.y;
+        radius[count++] = r;
+    }
+    void pad(); // to whole blocks of kLanes
+};
+
+class Moving {
+  public:
+    // people: the walkers of the world as they are at now_s, to walk on as they do then; null where there are none.
+    Moving(const World &world, const Person *people, double now_s) : world_(&world), people_(people), now_s_(now_s) {}
+    // The world's discs alone.
+    explicit Moving(const World &world) : Moving(world, nullptr, 0.0) {}
+
+    const World &world() const { return *world_; }
+    // What a robot hits, and a planner foresees.
+    DiscPlaces at(double time_s) const;
+    // What a LiDAR sees: of people with legs the legs.
+    DiscPlaces seen_at(double time_s) const;
+    double max_speed() const;
+
+  private:
+    template <class Add>
+    void each_person(double time_s, const Add &add) const;
+    DiscPlaces discs_at(double time_s) const;
+
+    const World *world_;
+    const Person *people_;
+    double now_s_;
+};
+
+} // namespace adrl

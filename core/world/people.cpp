@@ -1,0 +1,254 @@
+#include "world/people.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "random.hpp"
+
+namespace adrl {
+namespace {
+
+constexpr double kArrived = 0.5;  // metres from a way point at which the next is headed for
+constexpr double kPassed = 1.5;   // or passed within so much
+constexpr double kPatience = 4.0; // seconds after which one who is held up turns round
+constexpr double kHeldUp = 0.2;   // of the preferred speed, or slower
+constexpr double kTurning = 0.05; // m/s at which a person's feet turn to where it goes
+constexpr double kBrush = 0.02;   // metres by which a person may brush a wall
+constexpr int kMostWalls = 32;
+
+Vec2 place(const Person &person) { return {person.x, person.y}; }
+Vec2 velocity(const Person &person) { return {person.vx, person.vy}; }
+
+Vec2 way_point(const Crowd &crowd, const Walker &walker, double index) {
+    return crowd.way_points[walker.first + static_cast<int>(index)];
+}
+
+// The nearest of what is offered, nearest first.
+template <class T, int kMost>
+struct Nearest {
+    T item[kMost];
+    double distance[kMost];
+    int count = 0;
+    void offer(const T &offered, double far) {
+        if (count == kMost && far >= distance[kMost - 1]) return;
+        int i = count < kMost ? count++ : kMost - 1;
+        for (; i > 0 && distance[i - 1] > far; --i) {
+            item[i] = item[i - 1];
+            distance[i] = distance[i - 1];
+        }
+        item[i] = offered;
+        distance[i] = far;
+    }
+};
+
+struct Neighbour {
+    Mover mover;
+    double share; // of the avoiding that the person does
+};
+using Neighbours = Nearest<Neighbour, kMostNeighbours>;
+using NearWalls = Nearest<int, kMostWalls>; // edges, and circles as ~index
+
+Vec2 preferred(const Crowd &crowd, int k, const Person *people) {
+    const Walker &walker = crowd.walkers[k];
+    const Vec2 here = place(people[k]);
+    const Vec2 ahead = way_point(crowd, walker, people[k].goal) - here;
+    const double far = norm(ahead);
+    Vec2 wanted = far > 0.0 ? (walker.speed / far) * ahead : Vec2{};
+    if (walker.group < 0) return wanted;
+    // Who has strayed from the middle of a group is drawn to it, up to as much as to the goal.
+    Vec2 sum;
+    int members = 0;
+    for (int j = 0; j < crowd.count(); ++j) {
+        if (crowd.walkers[j].group != walker.group) continue;
+        sum = sum + place(people[j]);
+        ++members;
+    }
+    const Vec2 inward = (1.0 / members) * sum - here;
+    const double strayed = norm(inward) - 0.25 * members;
+    if (strayed > 0.0) wanted = wanted + (walker.speed * std::min(strayed, 1.0) / norm(inward)) * inward;
+    const double speed = norm(wanted), most = kHurry * walker.speed;
+    return speed > most ? (most / speed) * wanted : wanted;
+}
+
+// All that moves, or stands there as a person, near person k. Who stands, and what does not look, avoids nothing
+// itself.
+Neighbours neighbours(const World &world, const Mover &robot, double time_s, int k, const Person *people) {
+    constexpr double kMoment = 0.1; // seconds over which a disc's velocity is taken
+    const Crowd &crowd = world.crowd();
+    const Walker &self = crowd.walkers[k];
+    const Vec2 here = place(people[k]);
+    Neighbours out;
+    const auto offer = [&](const Mover &mover, double share) {
+        const double far = norm(mover.at - here) - mover.radius - self.radius;
+        if (far < kSight) out.offer({mover, share}, far);
+    };
+    for (int j = 0; j < crowd.count(); ++j) {
+        const Walker &other = crowd.walkers[j];
+        if (j != k) offer({place(people[j]), velocity(people[j]), other.radius}, other.speed > 0.0 ? 0.5 : 1.0);
+    }
+    for (const MovingDisc &disc : world.discs()) {
+        const Vec2 at = disc.at(time_s);
+        offer({at, (1.0 / kMoment) * (disc.at(time_s + kMoment) - at), disc.radius}, 1.0);
+    }
+    if (self.share > 0.0) offer(robot, self.share);
+    return out;
+}
+
+NearWalls near_walls(const World &world, const Mover &self) {
+    NearWalls out;
+    const double reach = Walls::kReach;
+    const Walls &walls = world.walls_of_crowd();
+    for (const int i : walls.near(self.at)) {
+        const Vec2 a = walls[i].a - self.at, b = walls[i].b - self.at;
+        if (cross(a, b) >= 0.0) continue; // seen from behind
+        const double far = origin_to_segment(a, b);
+        if (far < reach) out.offer(i, far);
+    }
+    const Circles &circles = world.circles();
+    for (int i = 0; i < circles.count; ++i) {
+        const double far = norm(Vec2{circles.x[i], circles.y[i]} - self.at) - circles.radius[i];
+        if (far < reach) out.offer(~i, far);
+    }
+    return out;
+}
+
+Mover circle(const World &world, int wall) {
+    const Circles &circles = world.circles();
+    return {{circles.x[~wall], circles.y[~wall]}, {}, circles.radius[~wall]};
+}
+
+// Whether a step of this length would come nearer to a wall than the body allows, and nearer than it is.
+bool brushes(const World &world, const NearWalls &near, const Mover &self, Vec2 step) {
+    for (int i = 0; i < near.count; ++i) {
+        const int wall = near.item[i];
+        double far = 0.0;
+        if (wall >= 0) {
+            const WallEdge &edge = world.walls_of_crowd()[wall];
+            far = segment_to_segment(self.at, self.at + step, edge.a, edge.b);
+        } else {
+            const Mover other = circle(world, wall);
+            far = origin_to_segment(self.at - other.at, self.at + step - other.at) - other.radius;
+        }
+        if (far < self.radius - kBrush && far < near.distance[i] - 1e-9) return true;
+    }
+    return false;
+}
+
+Vec2 decided(const World &world, const Mover &robot, double time_s, double hold_s, int k, const Person *people) {
+    const Walker &walker = world.crowd().walkers[k];
+    const Mover self{place(people[k]), velocity(people[k]), walker.radius};
+    HalfPlane planes[kMostHalfPlanes];
+    int hard = 0;
+    const NearWalls walls = near_walls(world, self);
+    for (int i = 0; i < walls.count; ++i) {
+        const int wall = walls.item[i];
+        if (wall < 0) {
+            planes[hard++] = avoid_mover(self, circle(world, wall), 1.0, kWallHorizon, hold_s);
+        } else if (avoid_wall(self, world.walls_of_crowd(), wall, kWallHorizon,
+                              {planes, static_cast<std::size_t>(hard)}, planes[hard])) {
+            ++hard;
+        }
+    }
+    int count = hard;
+    const Neighbours others = neighbours(world, robot, time_s, k, people);
+    for (int i = 0; i < others.count; ++i) {
+        planes[count++] = avoid_mover(self, others.item[i].mover, others.item[i].share, kPeopleHorizon, hold_s);
+    }
+    const Vec2 chosen = nearest_allowed({planes, static_cast<std::size_t>(count)}, hard, kHurry * walker.speed,
+                                        preferred(world.crowd(), k, people));
+    // Where walls leave no velocity at all, the least bad one may lead into them.
+    const bool outside =
+        std::any_of(planes, planes + hard, [&](const HalfPlane &p) { return p.excess(chosen) > 1e-6; });
+    return outside && brushes(world, walls, self, hold_s * chosen) ? Vec2{} : chosen;
+}
+
+// Whether a way point is reached, or left behind.
+bool passed(const Crowd &crowd, const Walker &walker, const Person &person) {
+    const Vec2 target = way_point(crowd, walker, person.goal);
+    const Vec2 beyond = place(person) - target;
+    const double far = norm(beyond);
+    const Vec2 leg = target - way_point(crowd, walker, person.goal - person.onward);
+    return far < kArrived || (far < kPassed && dot(beyond, leg) > 0.0);
+}
+
+void turn_round(Person &person) {
+    person.onward = -person.onward;
+    person.goal += person.onward;
+    person.held_s = 0.0;
+}
+
+// Heads for the next way point where this one is passed. At the route's end the whole group turns.
+void head_on(const Crowd &crowd, int k, Person *people) {
+    const Walker &walker = crowd.walkers[k];
+    Person &person = people[k];
+    if (!passed(crowd, walker, person)) return;
+    const double next = person.goal + person.onward;
+    if (next >= 0.0 && next < walker.last - walker.first) {
+        person.goal = next;
+        return;
+    }
+    const double end = person.goal;
+    for (int j = 0; j < crowd.count(); ++j) {
+        const bool together = walker.group >= 0 && crowd.walkers[j].group == walker.group;
+        if (j == k || (together && people[j].goal == end)) turn_round(people[j]);
+    }
+}
+
+} // namespace
+
+void begin_walk(const World &world, std::uint64_t seed, Person *people) {
+    const Crowd &crowd = world.crowd();
+    for (int k = 0; k < crowd.count(); ++k) {
+        const Vec2 start = way_point(crowd, crowd.walkers[k], 0.0);
+        people[k] = {};
+        people[k].x = start.x;
+        people[k].y = start.y;
+        people[k].onward = 1.0;
+        people[k].goal = crowd.walkers[k].last - crowd.walkers[k].first > 1 ? 1.0 : 0.0;
+        people[k].wait_s = crowd.walkers[k].reaction_s * uniform01(mix64(random_key(seed, k)));
+    }
+    for (int k = 0; k < crowd.count(); ++k) {
+        const Vec2 v = preferred(crowd, k, people);
+        people[k].vx = v.x;
+        people[k].vy = v.y;
+        people[k].heading = std::atan2(v.y, v.x);
+    }
+}
+
+void decide(const World &world, const Mover &robot, double time_s, double step_s, Person *people) {
+    const Crowd &crowd = world.crowd();
+    Vec2 chosen[kMaxPeople]; // all decide by what they see before anyone does
+    bool due[kMaxPeople];
+    for (int k = 0; k < crowd.count(); ++k) {
+        due[k] = crowd.walkers[k].speed > 0.0 && people[k].wait_s < 0.5 * step_s;
+        if (!due[k]) continue;
+        const double hold_s = std::max(crowd.walkers[k].reaction_s, step_s);
+        chosen[k] = decided(world, robot, time_s, hold_s, k, people);
+        people[k].wait_s += hold_s;
+    }
+    for (int k = 0; k < crowd.count(); ++k) {
+        if (!due[k]) continue;
+        people[k].vx = chosen[k].x;
+        people[k].vy = chosen[k].y;
+        if (norm(chosen[k]) > kTurning) people[k].heading = std::atan2(chosen[k].y, chosen[k].x);
+    }
+}
+
+void walk(const World &world, double step_s, Person *people) {
+    const Crowd &crowd = world.crowd();
+    for (int k = 0; k < crowd.count(); ++k) {
+        const Walker &walker = crowd.walkers[k];
+        if (!(walker.speed > 0.0)) continue;
+        Person &person = people[k];
+        const double speed = norm(velocity(person));
+        person.x += step_s * person.vx;
+        person.y += step_s * person.vy;
+        person.walked += step_s * speed;
+        person.wait_s -= step_s;
+        person.held_s = speed < kHeldUp * walker.speed ? person.held_s + step_s : 0.0;
+        head_on(crowd, k, people);
+        if (person.held_s > kPatience) turn_round(person);
+    }
+}
+
+} // namespace adrl

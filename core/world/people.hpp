@@ -1,0 +1,27 @@
+// People who walk to and fro along routes: they keep off walls, each other, moving discs and, by their share, the robot
+// (orca.hpp). Whoever stands lets others go round. Between two decisions velocities stay.
+#pragma once
+
+#include <cstdint>
+
+#include "world/orca.hpp"
+#include "world/world.hpp"
+
+namespace adrl {
+
+inline constexpr double kPeopleHorizon = 3.0; // seconds for which they avoid each other,
+inline constexpr double kWallHorizon = 1.0;   // and walls
+inline constexpr double kSight = 5.0;         // metres to the middle of what they avoid
+inline constexpr int kMostNeighbours = 10;    // the nearest
+inline constexpr double kHurry = 1.25;        // greatest over preferred speed
+
+// Everyone at the start of the route, walking. seed: of when they decide first.
+void begin_walk(const World &world, std::uint64_t seed, Person *people);
+
+// Velocities of those whose decision is due at time_s. step_s: until the next call.
+void decide(const World &world, const Mover &robot, double time_s, double step_s, Person *people);
+
+// step_s on at these velocities.
+void walk(const World &world, double step_s, Person *people);
+
+} // namespace adrl
