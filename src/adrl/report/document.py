@@ -129,15 +129,16 @@ def _evaluation(entry: Evaluated, chosen: Sequence[Trace], worlds: _Worlds) -> d
         },
         "maturity": None if traces is None else round(traces.maturity, 4),
         "terms": [] if traces is None else list(traces.terms),
-        "robot_shape": None if traces is None else _shape(traces.robot),
+        "robot_shape": None if traces is None else robot_shape(traces.robot),
         "replays": [] if traces is None else [_replay(trace, traces.robot, worlds) for trace in chosen],
         "map": None if traces is None else _map(entry, traces),
     }
 
 
-def _shape(robot: RobotConfig) -> dict[str, Any]:
+def robot_shape(robot: RobotConfig) -> dict[str, Any]:
+    """The robot as the scene draws it, with those of its beams that are shown."""
     lidar = robot.lidar
-    kept = _beams(lidar.num_beams)
+    kept = shown_beams(lidar.num_beams)
     return {
         "radius_m": robot.radius_m,
         "polygon": numbers(robot.polygon),
@@ -149,7 +150,7 @@ def _shape(robot: RobotConfig) -> dict[str, Any]:
     }
 
 
-def _beams(count: int) -> NDArray[np.intp]:
+def shown_beams(count: int) -> NDArray[np.intp]:
     """Which beams of a scan are shown."""
     return np.unique(np.linspace(0, count - 1, min(count, MOST_BEAMS)).round().astype(np.intp))
 
@@ -184,7 +185,7 @@ def _replay(trace: Trace, robot: RobotConfig, worlds: _Worlds) -> dict[str, Any]
     nothing = np.zeros((1, trace.paid.shape[1]))
     paid = np.concatenate([nothing, np.cumsum(trace.paid, axis=0)])
     weights = np.concatenate([trace.weights[:1], trace.weights]) if last else nothing
-    ranges = trace.ranges[frames][:, _beams(robot.lidar.num_beams)]
+    ranges = trace.ranges[frames][:, shown_beams(robot.lidar.num_beams)]
     return {
         "task": trace.task,
         "ending": trace.ending,

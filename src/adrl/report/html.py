@@ -11,7 +11,9 @@ from adrl.errors import MissingExtra
 from adrl.report.document import document
 from adrl.report.source import Source
 
-SCRIPTS = ("data.js", "table.js", "scene.js", "strips.js", "replay.js", "charts.js", "main.js")
+SHARED = ("parts.js", "scene.js", "strips.js", "curves.js")
+"""Programs that adrl view draws with, too."""
+SCRIPTS = (*SHARED, "data.js", "table.js", "episode.js", "replay.js", "charts.js", "main.js")
 _SLOT = re.compile(r"<!-- slot: (\w+) -->")
 
 
@@ -26,12 +28,12 @@ def page(source: Source, plotly: str) -> str:
     data = json.dumps(document(source), allow_nan=False, separators=(",", ":"))
     parts = {
         "title": _escape(f"{source.name} · ADRL report"),
-        "style": _asset("style.css"),
+        "style": asset("style.css"),
         "data": data.replace("<", "\\u003c"),
         "plotly": plotly,
-        "program": "(() => {\n'use strict';\n" + "\n".join(map(_asset, SCRIPTS)) + "\n})();",
+        "program": "(() => {\n'use strict';\n" + "\n".join(map(asset, SCRIPTS)) + "\n})();",
     }
-    return _SLOT.sub(lambda slot: parts[slot.group(1)], _asset("page.html"))
+    return _SLOT.sub(lambda slot: parts[slot.group(1)], asset("page.html"))
 
 
 def plotly_script() -> str:
@@ -43,7 +45,8 @@ def plotly_script() -> str:
     return get_plotlyjs()
 
 
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """The text of one of the page's files."""
     path = Path(str(resources.files("adrl.report") / "page" / name))
     return path.read_text(encoding="utf-8")
 

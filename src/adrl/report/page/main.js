@@ -4,13 +4,7 @@ function buildHeader() {
   document.getElementById('kind').textContent = `ADRL · ${KINDS[DATA.kind]}`;
   document.getElementById('name').textContent = DATA.name;
   document.getElementById('facts').append(...DATA.facts.map(([name, value]) => el('div', {}, el('dt', {}, name), el('dd', {}, value))));
-  document.getElementById('theme').addEventListener('click', () => {
-    const root = document.documentElement;
-    const dark = root.dataset.theme ? root.dataset.theme === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches;
-    root.dataset.theme = dark ? 'light' : 'dark';
-    themeChanged();
-  });
-  matchMedia('(prefers-color-scheme: dark)').addEventListener('change', themeChanged);
+  buildTheme();
 }
 
 const TILES = [
@@ -79,8 +73,9 @@ function buildGallery() {
       canvas,
       el('span', {}, el('strong', {}, `Task ${replay.task}`), el('span', { class: `ending ${replay.ending}` }, replay.ending),
         `after ${fixed(end)} s, ${fixed(left)} m short of the goal`, several ? el('span', {}, evaluation.label) : null)));
-    const redraw = sharp(canvas, (context, width, height) => drawScene(context, width, height, evaluation, replay, {
-      time: end, from: Math.max(0, end - GALLERY_S), view: { x, y, side: GALLERY_M }, redraw: () => redraw(),
+    const moment = () => momentOf(evaluation, replay, { time: end, from: Math.max(0, end - GALLERY_S) });
+    const redraw = sharp(canvas, (context, width, height) => drawScene(context, width, height, moment(), {
+      view: { x, y, side: GALLERY_M }, redraw: () => redraw(),
     }));
   });
 }

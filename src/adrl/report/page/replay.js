@@ -56,7 +56,7 @@ function buildReplay() {
     const whole = wholeView(state.replay);
     const [x, y] = poseAt(state.replay, state.time);
     const view = state.follow ? { x, y, side: Math.min(FOLLOW_M, whole.side) } : whole;
-    drawScene(context, width, height, state.evaluation, state.replay, { time: state.time, view, redraw: () => redraw() });
+    drawScene(context, width, height, momentOf(state.evaluation, state.replay, { time: state.time }), { view, redraw: () => redraw() });
   });
 
   function show() {

@@ -1,49 +1,14 @@
-const pictures = new Map();
+/**
+ * A moment, from above: what the report's replays and adrl view draw. Lengths in metres, angles in radians.
+ *   world: as encode.world_content makes it; time: in seconds, for what moves in it
+ *   shape: the robot's, as document.robot_shape makes it; pose: [x, y, yaw]; trail: [[x, y], ...] driven so far
+ *   goal: [x, y] or null; tolerance; path: [[x, y], ...] of a known map
+ *   waypoint: [x, y] or null; plan: [[x, y], ...] from the robot on, a straight line to the waypoint without one
+ *   scan: {pose, ranges: k -> metres} or null; map: the robot's own, a picture as that of a world's grid, or null
+ *   ending: how the drive ended, or null
+ */
 
-/** A replay's arrays, unpacked once. */
-function opened(replay) {
-  if (!replay.read) {
-    replay.read = Object.fromEntries(
-      ['pose', 'waypoint', 'twist', 'clearance', 'weights', 'paid', 'ranges'].map((name) => [name, unpack(replay[name])]),
-    );
-  }
-  return replay.read;
-}
-
-/** The last frame at or before a time, and how far it is to the next one. */
-function frameAt(replay, time) {
-  const times = replay.time_s;
-  let low = 0;
-  let high = times.length - 1;
-  while (low < high) {
-    const middle = (low + high + 1) >> 1;
-    if (times[middle] <= time + 1e-9) low = middle;
-    else high = middle - 1;
-  }
-  const next = Math.min(low + 1, times.length - 1);
-  const part = next > low ? Math.min(1, Math.max(0, (time - times[low]) / (times[next] - times[low]))) : 0;
-  return { frame: low, next, part };
-}
-
-function poseAt(replay, time) {
-  const { frame, next, part } = frameAt(replay, time);
-  const { pose } = opened(replay);
-  return [0, 1, 2].map((k) => pose(frame, k) + part * (pose(next, k) - pose(frame, k)));
-}
-
-/** A square window in metres on all of a replay's way. */
-function wholeView(replay) {
-  const points = groups(replay.path, 2).concat([replay.goal]);
-  const { pose } = opened(replay);
-  for (let i = 0; i < pose.rows; i += 1) points.push([pose(i, 0), pose(i, 1)]);
-  const low = [0, 1].map((k) => Math.min(...points.map((p) => p[k])) - 1);
-  const high = [0, 1].map((k) => Math.max(...points.map((p) => p[k])) + 1);
-  const side = Math.max(high[0] - low[0], high[1] - low[1]);
-  const [x0, y0, x1, y1] = DATA.worlds[replay.world].bounds;
-  const whole = Math.max(x1 - x0, y1 - y0) * 1.03;
-  if (2 * side > whole) return { x: (x0 + x1) / 2, y: (y0 + y1) / 2, side: whole };
-  return { x: (low[0] + high[0]) / 2, y: (low[1] + high[1]) / 2, side };
-}
+const pictures = new WeakMap();
 
 /** Where a moving disc is: see adrl.types.World.discs. */
 function discPlace([x1, y1, x2, y2, , speed, phase, stop], time) {
@@ -111,14 +76,12 @@ function drawGrid(context, grid, redraw) {
   context.restore();
 }
 
-function drawScan(context, replay, shape, frame, px) {
-  const { pose, ranges } = opened(replay);
-  const [x, y, yaw] = [0, 1, 2].map((k) => pose(frame, k));
+function drawScan(context, { pose: [x, y, yaw], ranges }, shape, px) {
   const [mx, my, mount] = shape.mount;
   const [c, s] = [Math.cos(yaw), Math.sin(yaw)];
   const sensor = [x + c * mx - s * my, y + s * mx + c * my];
   const ends = shape.angles.map((angle, k) => {
-    const range = ranges(frame, k);
+    const range = ranges(k);
     const at = yaw + mount + angle;
     return [sensor[0] + range * Math.cos(at), sensor[1] + range * Math.sin(at), range < 0.995 * shape.max_range_m];
   });
@@ -165,66 +128,68 @@ function drawRobot(context, shape, [x, y, yaw], px, ink) {
   context.restore();
 }
 
-/** Everything at one time. from: the driven way is drawn from this time on. */
-function drawScene(context, width, height, evaluation, replay, { time, view, from = 0, redraw = () => {} }) {
-  const shape = evaluation.robot_shape;
-  const { pose, waypoint } = opened(replay);
-  const { frame } = frameAt(replay, time);
-  const last = frame === replay.time_s.length - 1;
+/** A moment in a window of view.side metres about (view.x, view.y). over: draws on top, in metres. */
+function drawScene(context, width, height, moment, { view, redraw = () => {}, over = () => {} }) {
+  const { shape, pose: here, ending } = moment;
   context.save();
   const px = toMetres(context, width, height, view);
   context.lineJoin = 'round';
-  drawWorld(context, DATA.worlds[replay.world], px, time, redraw);
+  if (moment.map) {
+    context.globalAlpha = 0.55;
+    drawGrid(context, moment.map, redraw);
+    context.globalAlpha = 1;
+  }
+  drawWorld(context, moment.world, px, moment.time, redraw);
   context.strokeStyle = colour('muted');
   context.lineWidth = 1.4 * px;
   context.setLineDash([1.5 * px, 4 * px]);
   context.lineCap = 'round';
-  context.beginPath();
-  groups(replay.path, 2).forEach(([x, y]) => context.lineTo(x, y));
-  context.stroke();
+  line(context, moment.path);
   context.setLineDash([]);
-  drawScan(context, replay, shape, frame, px);
-  const here = poseAt(replay, time);
-  const failed = last && replay.ending !== 'success';
+  if (moment.scan) drawScan(context, moment.scan, shape, px);
+  const failed = ending !== null && ending !== 'success';
   const ink = failed ? colour('bad') : colour('robot');
   for (const [stroke, thick] of [[colour('free'), 4.5], [ink, 2.4]]) {
     context.strokeStyle = stroke;
     context.lineWidth = thick * px;
-    context.beginPath();
-    for (let i = frameAt(replay, from).frame; i <= frame; i += 1) context.lineTo(pose(i, 0), pose(i, 1));
-    context.lineTo(here[0], here[1]);
-    context.stroke();
+    line(context, [...moment.trail, here]);
   }
-  drawGoal(context, replay, px);
-  const target = [waypoint(frame, 0), waypoint(frame, 1)];
-  if (Math.hypot(target[0] - replay.goal[0], target[1] - replay.goal[1]) > 0.05) {
-    context.fillStyle = colour('waypoint');
-    context.strokeStyle = colour('waypoint');
-    context.lineWidth = px;
-    context.globalAlpha = 0.6;
-    context.beginPath();
-    context.moveTo(here[0], here[1]);
-    context.lineTo(...target);
-    context.stroke();
-    context.globalAlpha = 1;
-    context.beginPath();
-    context.arc(...target, 5 * px, 0, 2 * Math.PI);
-    context.fill();
-  }
+  if (moment.goal) drawGoal(context, moment, px);
+  drawWaypoint(context, moment, px);
   drawRobot(context, shape, here, px, ink);
-  if (failed) drawCross(context, here, replay.ending, px, shape);
+  if (failed) drawCross(context, here, ending, px, shape);
+  over(context, px);
   context.restore();
 }
 
-function drawGoal(context, replay, px) {
+function line(context, points) {
+  context.beginPath();
+  points.forEach(([x, y]) => context.lineTo(x, y));
+  context.stroke();
+}
+
+function drawWaypoint(context, { pose, waypoint, plan, goal }, px) {
+  if (!waypoint || (goal && Math.hypot(waypoint[0] - goal[0], waypoint[1] - goal[1]) <= 0.05)) return;
+  context.fillStyle = colour('waypoint');
+  context.strokeStyle = colour('waypoint');
+  context.lineWidth = px;
+  context.globalAlpha = 0.6;
+  line(context, plan ?? [pose, waypoint]);
+  context.globalAlpha = 1;
+  context.beginPath();
+  context.arc(...waypoint, 5 * px, 0, 2 * Math.PI);
+  context.fill();
+}
+
+function drawGoal(context, { goal, tolerance }, px) {
   context.strokeStyle = colour('goal');
   context.lineWidth = 2 * px;
   context.beginPath();
-  context.arc(...replay.goal, Math.max(replay.goal_tolerance_m, 5 * px), 0, 2 * Math.PI);
+  context.arc(...goal, Math.max(tolerance, 5 * px), 0, 2 * Math.PI);
   context.stroke();
   context.fillStyle = colour('goal');
   context.beginPath();
-  context.arc(...replay.goal, 2.5 * px, 0, 2 * Math.PI);
+  context.arc(...goal, 2.5 * px, 0, 2 * Math.PI);
   context.fill();
 }
 
