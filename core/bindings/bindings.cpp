@@ -172,6 +172,7 @@ std::shared_ptr<Crowd> make_crowd(const In<double, nb::shape<-1, 5>> &walkers, c
 
 void bind_batch_sim(nb::module_ &m);
 void bind_braking(nb::module_ &m);
+void bind_car(nb::module_ &m);
 void bind_control(nb::module_ &m);
 void bind_misfit(nb::module_ &m);
 void bind_replanner(nb::module_ &m);
@@ -201,6 +202,7 @@ NB_MODULE(_core, m) {
     bind_control(m);
     bind_batch_sim(m);
     bind_braking(m);
+    bind_car(m);
     bind_misfit(m);
     bind_replanner(m);
     bind_scans(m);

@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "control/footprint_balls.hpp"
+#include "drive/footprint_balls.hpp"
 #include "control/mppi.hpp"
 #include "control/obstacle_field.hpp"
 

@@ -1,4 +1,4 @@
-#include "control/footprint_balls.hpp"
+#include "drive/footprint_balls.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-// A footprint as a few balls, for controllers that ask for the clearance of very many poses.
+// A footprint as a few balls, for planners and controllers that ask for the clearance of very many poses.
 #pragma once
 
 #include <vector>
