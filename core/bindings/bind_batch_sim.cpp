@@ -53,7 +53,7 @@ Robot make_robot(double radius, const In<double, Rows2> &corners, std::tuple<dou
 class BoundGuide {
   public:
     BoundGuide(std::shared_ptr<World> world, const Robot &robot, const SimConfig &config, Path path)
-        : world_(std::move(world)), rules_(guide_rules(robot.footprint, config)), path_(std::move(path)) {}
+        : world_(std::move(world)), rules_(guide_rules(robot, config)), path_(std::move(path)) {}
     std::tuple<std::tuple<double, double>, double> follow(double x, double y) {
         require_finite({x, y}, "position");
         const Guided guided = follow_path(*world_, path_, rules_, {x, y}, along_);

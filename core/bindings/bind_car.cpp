@@ -40,12 +40,12 @@ std::unique_ptr<BoundCarPlanner> make_car_planner(double radius, const In<double
                                                   double turning_radius, bool backward, double margin, int height,
                                                   int width, double resolution) {
     if (!(turning_radius > 0.0)) throw nb::value_error("turning_radius_m is not positive");
-    if (!(margin >= 0.0 && resolution > 0.0)) throw nb::value_error("margin_m is negative or resolution_m not positive");
+    if (!(margin >= 0.0 && resolution > 0.0))
+        throw nb::value_error("margin_m is negative or resolution_m not positive");
     if (height < 1 || width < 1) throw nb::value_error("height or width is not positive");
     const Car car{make_footprint(radius, corners), turning_radius, backward, margin};
-    return std::unique_ptr<BoundCarPlanner>(
-        new BoundCarPlanner{CarPlanner(car, height, width, resolution), static_cast<std::size_t>(height),
-                            static_cast<std::size_t>(width)});
+    return std::unique_ptr<BoundCarPlanner>(new BoundCarPlanner{
+        CarPlanner(car, height, width, resolution), static_cast<std::size_t>(height), static_cast<std::size_t>(width)});
 }
 
 nb::ndarray<nb::numpy, double> plan_car(BoundCarPlanner &self, const In<float, nb::shape<-1, -1>> &clearance,

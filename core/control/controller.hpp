@@ -17,6 +17,8 @@ struct Situation {
     Twist twist; // as the base executes it
     const Path &path;
     double along; // arc length of the path's point nearest to the robot
+    double stop;  // up to which it is followed: its end, for a car the next cusp
+    double gear;  // 1 to follow it forward, -1 backward, which only cars do
     double dt_s;  // control period
 };
 

@@ -45,14 +45,15 @@ void fill_arcs(Arcs &arcs, const DriveLimits &limits, const Pose &pose, const Tw
         std::min(limits.max_yaw_rate, std::max(twist.w + limits.max_yaw_acceleration * dt_s, -limits.max_yaw_rate));
     int k = 0;
     for (int j = 0; j < kYawRates; ++j) {
-        double w = w_low + (w_high - w_low) * j / (kYawRates - 1);
-        if (j == kYawRates / 2 && w_low < 0.0 && w_high > 0.0) w = 0.0; // straight on is always among them
-        const double half = 0.5 * w * sample_s;
-        const double sinc = std::abs(half) < 1e-4 ? 1.0 : std::sin(half) / half;
+        double yaw_rate = w_low + (w_high - w_low) * j / (kYawRates - 1);
+        if (j == kYawRates / 2 && w_low < 0.0 && w_high > 0.0) yaw_rate = 0.0; // straight on is always among them
         for (int i = 0; i < kSpeeds; ++i, ++k) {
             double v = v_low + (v_high - v_low) * i / (kSpeeds - 1);
             // So is standing still, where the window holds it.
             if (v_low < 0.0 && v_high > 0.0 && std::abs(v) <= 0.5 * (v_high - v_low) / (kSpeeds - 1)) v = 0.0;
+            const double w = steerable({v, yaw_rate}, limits).w;
+            const double half = 0.5 * w * sample_s;
+            const double sinc = std::abs(half) < 1e-4 ? 1.0 : std::sin(half) / half;
             arcs.v[k] = static_cast<float>(v);
             arcs.w[k] = static_cast<float>(w);
             arcs.turn_c[k] = static_cast<float>(std::cos(2.0 * half));
@@ -244,12 +245,13 @@ int samples_of(const Footprint &footprint, const DriveLimits &limits, const DwaC
     return static_cast<int>(std::clamp<double>(std::ceil(length / spacing), kLeastSamples, kMostSamples));
 }
 
-Twist best_arc(const Arcs &arcs, int samples, const DwaConfig &config, float gx, float gy) {
+// gear: 1 for an end that looks at the target, -1 for one that looks away from it.
+Twist best_arc(const Arcs &arcs, int samples, const DwaConfig &config, float gx, float gy, double gear) {
     double least = std::numeric_limits<double>::infinity();
     Twist best;
     for (int i = 0; i < kSpeeds * kYawRates; ++i) {
-        const double dx = gx - arcs.x[i];
-        const double dy = gy - arcs.y[i];
+        const double dx = gear * (gx - arcs.x[i]);
+        const double dy = gear * (gy - arcs.y[i]);
         // At the target every heading is as good: without this an arc that ends on it would lose to a slower one.
         const bool arrives = arcs.nearest[i] < kArrived;
         const double off =
@@ -286,7 +288,7 @@ class Dwa final : public LocalController {
         const double sample_s = config.horizon_s / samples;
         const Vec2 here{now.pose.x, now.pose.y};
         const double corridor = now.footprint.radius + 0.5 * config.margin_m;
-        const Vec2 target = visible_waypoint(now.path, now.along, config.lookahead, [&](Vec2 point) {
+        const Vec2 target = visible_waypoint(now.path, now.along, now.stop, config.lookahead, [&](Vec2 point) {
             return now.obstacles.corridor_free({}, point - here, corridor);
         });
         const auto gx = static_cast<float>(target.x - here.x);
@@ -302,7 +304,7 @@ class Dwa final : public LocalController {
             measure(now, k * sample_s);
             score_sample(arcs_, margin, static_cast<float>(k * sample_s), gx, gy);
         }
-        return lead_lag(best_arc(arcs_, samples, config, gx, gy), now.twist, now.limits, now.dt_s);
+        return lead_lag(best_arc(arcs_, samples, config, gx, gy, now.gear), now.twist, now.limits, now.dt_s);
     }
 
   private:

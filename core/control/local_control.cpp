@@ -1,13 +1,23 @@
 #include "control/local_control.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "control/recovery.hpp"
+#include "planning/path_guide.hpp"
 
 namespace adrl {
 namespace {
 
 constexpr double kRouteWindow = 3.0; // the robot is looked for so far ahead of where it was on its route, metres
+constexpr double kTangent = 0.1;     // metres of path that tell its direction
+
+// Which way a car drives to get on: backward where its path leads behind it.
+double gear_on(const Path &path, double along, double stop, const Pose &pose) {
+    const Vec2 ahead = path.at(std::min(along + kTangent, stop)) - path.at(along);
+    return ahead.x * std::cos(pose.theta) + ahead.y * std::sin(pose.theta) < 0.0 ? -1.0 : 1.0;
+}
 
 } // namespace
 
@@ -54,7 +64,7 @@ void LocalControl::on_maps(Replanner &maps, const std::uint8_t *mask, const doub
             const Pose at{pose[3 * i], pose[3 * i + 1], pose[3 * i + 2]};
             scratch.obstacles.gather(maps.window(i), maps.shape(), maps.origin(i), at, reach);
             scratch.path.assign(routes.of(i));
-            along[i] = scratch.path.project({at.x, at.y}, along[i], along[i] + kRouteWindow);
+            along[i] = come_along(scratch.path, {at.x, at.y}, along[i], kRouteWindow, setup_.limits.is_car());
             const Twist now{twist[2 * i], twist[2 * i + 1]};
             const Twist command = decide(i, scratch, setup_.limits, at, now, scratch.path, along[i]);
             out[2 * i] = command.v;
@@ -65,7 +75,10 @@ void LocalControl::on_maps(Replanner &maps, const std::uint8_t *mask, const doub
 
 Twist LocalControl::decide(int i, Scratch &scratch, const DriveLimits &limits, const Pose &pose, const Twist &twist,
                            const Path &path, double along) {
-    const Situation now{scratch.obstacles, setup_.footprint, limits, pose, twist, path, along, setup_.dt_s};
+    const bool car = limits.is_car();
+    const double stop = led_to(path, along, car);
+    const double gear = car && limits.min_speed < 0.0 ? gear_on(path, along, stop, pose) : 1.0;
+    const Situation now{scratch.obstacles, setup_.footprint, limits, pose, twist, path, along, stop, gear, setup_.dt_s};
     double *memory = memory_ + static_cast<std::ptrdiff_t>(i) * memory_size_;
     const Twist chosen = scratch.controller->command(now, memory + kRecoveryMemory);
     return clip_command(recover(now, chosen, memory), limits);

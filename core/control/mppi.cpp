@@ -28,12 +28,12 @@ struct Rollouts {
 
 struct Base { // limits of the robot, for one step of the rollouts
     float v_min, v_max, w_max, v_change, w_change, response, dt;
+    float w_still, curvature; // the yaw rate may be w_still + curvature |v|: on the spot anything, for a car nothing
 };
 
 struct PathPoints { // evenly along the path from the robot on, in its frame
     alignas(64) float x[kPathPoints], y[kPathPoints];
     float spacing;
-    float left; // metres of path, from the robot
 };
 
 ADRL_INLINE float clamped(float value, float low, float high) {
@@ -42,14 +42,18 @@ ADRL_INLINE float clamped(float value, float low, float high) {
 }
 
 // One step of every sample with the mean control (mean_v, mean_w) and noise around it. price_v, price_w: what a
-// difference from the mean costs. backward: what a metre driven so costs.
+// difference from the mean costs. gear: 1 where the path is followed forward, else -1. against: what a metre driven in
+// the other one costs.
 ADRL_CLONES void advance(Rollouts &r, int lanes, const Base &base, float mean_v, float mean_w, float std_v, float std_w,
-                         const float *noise_v, const float *noise_w, float price_v, float price_w, float backward) {
+                         const float *noise_v, const float *noise_w, float price_v, float price_w, float gear,
+                         float against) {
     for (int i = 0; i < lanes; ++i) {
         const float cv = clamped(mean_v + std_v * noise_v[i], base.v_min, base.v_max);
         const float cw = clamped(mean_w + std_w * noise_w[i], -base.w_max, base.w_max);
         const float v = r.v[i] + clamped(base.response * (cv - r.v[i]), -base.v_change, base.v_change);
-        const float w = r.w[i] + clamped(base.response * (cw - r.w[i]), -base.w_change, base.w_change);
+        const float most = base.w_still + base.curvature * std::abs(v);
+        const float w =
+            clamped(r.w[i] + clamped(base.response * (cw - r.w[i]), -base.w_change, base.w_change), -most, most);
         const float along = 0.5F * (r.v[i] + v) * base.dt;
         const float half = 0.25F * (r.w[i] + w) * base.dt;
         r.v[i] = v;
@@ -68,7 +72,7 @@ ADRL_CLONES void advance(Rollouts &r, int lanes, const Base &base, float mean_v,
         r.hy[i] = mx * s + my * c;
         const float moved = along < 0.0F ? -along : along;
         r.travelled[i] += moved;
-        r.cost[i] += price_v * (cv - mean_v) + price_w * (cw - mean_w) + backward * (moved - along);
+        r.cost[i] += price_v * (cv - mean_v) + price_w * (cw - mean_w) + against * (moved - gear * along);
     }
 }
 
@@ -116,12 +120,12 @@ ADRL_CLONES void score_distance(Rollouts &r, int lanes, float x, float y, float 
     }
 }
 
-ADRL_CLONES void score_angle(Rollouts &r, int lanes, float x, float y, float weight) {
+ADRL_CLONES void score_angle(Rollouts &r, int lanes, float x, float y, float gear, float weight) {
     for (int i = 0; i < lanes; ++i) {
         const float dx = x - r.x[i];
         const float dy = y - r.y[i];
         const float d = std::sqrt(dx * dx + dy * dy) + 1e-6F;
-        r.cost[i] += weight * (1.0F - (r.hx[i] * dx + r.hy[i] * dy) / d);
+        r.cost[i] += weight * (1.0F - gear * (r.hx[i] * dx + r.hy[i] * dy) / d);
     }
 }
 
@@ -163,7 +167,7 @@ class Mppi final : public LocalController {
     Twist command(const Situation &now, double *memory) override {
         prepare(now);
         roll(now, memory);
-        score_ends();
+        score_ends(now.gear);
         return update(now, memory);
     }
 
@@ -197,14 +201,15 @@ class Mppi final : public LocalController {
         margin_ = static_cast<float>(std::min(config_.collision_margin_m, 0.5 * std::max(clear, 0.0)));
         const double spacing = (far + config_.path_follow_offset_m) / (kPathPoints - 1);
         for (int k = 0; k < kPathPoints; ++k) {
-            const Vec2 p = seen(now.pose, now.path.at(now.along + k * spacing));
+            const Vec2 p = seen(now.pose, now.path.at(std::min(now.along + k * spacing, now.stop)));
             path_.x[k] = static_cast<float>(p.x);
             path_.y[k] = static_cast<float>(p.y);
         }
         path_.spacing = static_cast<float>(spacing);
-        path_.left = static_cast<float>(now.path.length() - now.along);
-        goal_ = seen(now.pose, now.path.at(now.path.length()));
-        near_goal_ = path_.left < config_.goal_threshold_m;
+        goal_ = seen(now.pose, now.path.at(now.stop));
+        near_goal_ = static_cast<float>(now.stop - now.along) < config_.goal_threshold_m;
+        // A car that leaves its path may not come there at all.
+        on_path_ = !near_goal_ || now.limits.is_car();
         std::fill_n(r_.v, lanes_, static_cast<float>(now.twist.v));
         std::fill_n(r_.w, lanes_, static_cast<float>(now.twist.w));
         for (float *zero : {r_.x, r_.y, r_.hy, r_.travelled, r_.cost}) std::fill_n(zero, lanes_, 0.0F);
@@ -221,7 +226,9 @@ class Mppi final : public LocalController {
                         static_cast<float>(limits.max_acceleration * dt),
                         static_cast<float>(limits.max_yaw_acceleration * dt),
                         static_cast<float>(response),
-                        static_cast<float>(dt)};
+                        static_cast<float>(dt),
+                        limits.is_car() ? 0.0F : static_cast<float>(kFarAway),
+                        limits.is_car() ? static_cast<float>(1.0 / limits.min_turning_radius) : 0.0F};
         const double v_std = config_.vx_std * limits.max_speed, w_std = config_.wz_std * limits.max_yaw_rate;
         const auto sv = static_cast<float>(v_std), sw = static_cast<float>(w_std);
         const int steps = config_.time_steps;
@@ -231,14 +238,15 @@ class Mppi final : public LocalController {
             advance(r_, lanes_, base, static_cast<float>(v), static_cast<float>(w), sv, sw, noise(t, 0), noise(t, 1),
                     static_cast<float>(v_std > 0.0 ? config_.gamma * v / (v_std * v_std) : 0.0),
                     static_cast<float>(w_std > 0.0 ? config_.gamma * w / (w_std * w_std) : 0.0),
-                    static_cast<float>(0.5 * config_.prefer_forward_weight));
+                    static_cast<float>(now.gear), static_cast<float>(0.5 * config_.prefer_forward_weight));
             measure(now, (t + 1) * dt, share * static_cast<float>(config_.repulsion_weight));
             const double soon = 1.0 + static_cast<double>(steps - t) / steps;
             score_collision(r_, lanes_, margin_, static_cast<float>(config_.collision_cost * soon));
             if (near_goal_) {
                 score_distance(r_, lanes_, static_cast<float>(goal_.x), static_cast<float>(goal_.y),
                                share * static_cast<float>(config_.goal_weight));
-            } else if (t % kAlignStep == kAlignStep - 1) {
+            }
+            if (on_path_ && t % kAlignStep == kAlignStep - 1) {
                 score_align(r_, lanes_, path_, share * kAlignStep * static_cast<float>(config_.path_align_weight));
             }
         }
@@ -269,17 +277,18 @@ class Mppi final : public LocalController {
     }
 
     // What the last poses cost: their way to a point beyond the farthest one of the path that samples reach.
-    void score_ends() {
-        if (near_goal_) return;
+    void score_ends(double gear) {
+        if (!on_path_) return;
         nearest_on_path(r_, lanes_, path_);
         float furthest = 0.0F;
         for (int i = 0; i < config_.batch_size; ++i) furthest = std::max(furthest, r_.live[i] * r_.index[i]);
         const int offset = static_cast<int>(std::lround(config_.path_follow_offset_m / path_.spacing));
         const int k = std::min(static_cast<int>(furthest) + offset, kPathPoints - 1);
         score_distance(r_, lanes_, path_.x[k], path_.y[k], static_cast<float>(config_.path_follow_weight));
-        const double bearing = std::atan2(path_.y[k], path_.x[k]);
+        const double bearing = std::atan2(gear * path_.y[k], gear * path_.x[k]);
         if (std::abs(bearing) > config_.max_angle_to_furthest)
-            score_angle(r_, lanes_, path_.x[k], path_.y[k], static_cast<float>(config_.path_angle_weight));
+            score_angle(r_, lanes_, path_.x[k], path_.y[k], static_cast<float>(gear),
+                        static_cast<float>(config_.path_angle_weight));
     }
 
     // The new mean, and its first control; the mean moves on by one control period.
@@ -329,7 +338,7 @@ class Mppi final : public LocalController {
     MppiFootprint footprint_;
     float margin_ = 0.0F;
     Vec2 goal_;
-    bool near_goal_ = false;
+    bool near_goal_ = false, on_path_ = true; // whether the critics of the goal, and those of the path, count
 };
 
 } // namespace

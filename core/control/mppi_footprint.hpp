@@ -4,9 +4,9 @@
 
 #include <vector>
 
-#include "drive/footprint_balls.hpp"
 #include "control/mppi.hpp"
 #include "control/obstacle_field.hpp"
+#include "drive/footprint_balls.hpp"
 
 namespace adrl {
 

@@ -27,18 +27,23 @@ class PurePursuit final : public LocalController {
     Twist command(const Situation &now, double *) override {
         const Vec2 carrot = carrot_of(now);
         const double distance = norm(carrot);
-        const double bearing = distance > 1e-9 ? std::atan2(carrot.y, carrot.x) : 0.0;
+        const double bearing = distance > 1e-9 ? std::atan2(now.gear * carrot.y, now.gear * carrot.x) : 0.0;
         const double clear = now.obstacles.clearance(now.footprint, {0.0, 0.0, now.pose.theta}, limit(), 0.0);
         // A robot that already stands closer than the margin must still be allowed to leave.
         const double margin = std::min(config_.margin_m, 0.5 * std::max(clear, 0.0));
-        if (std::abs(bearing) > config_.rotate_to_heading_min_angle) return turn(now, bearing, margin);
-        const double curvature = distance > 1e-9 ? 2.0 * carrot.y / (distance * distance) : 0.0;
-        const double wanted = regulated(now, curvature, clear);
+        const bool car = now.limits.is_car();
+        if (!car && std::abs(bearing) > config_.rotate_to_heading_min_angle) return turn(now, bearing, margin);
+        // The same circle leads to a point behind, backward.
+        double curvature = distance > 1e-9 ? 2.0 * carrot.y / (distance * distance) : 0.0;
+        if (car)
+            curvature =
+                std::clamp(curvature, -1.0 / now.limits.min_turning_radius, 1.0 / now.limits.min_turning_radius);
+        const double wanted = now.gear * regulated(now, curvature, clear);
         for (const double share : {1.0, 0.7, 0.5, 0.3, 0.15}) {
             const Twist arc = reachable(now, share * wanted, curvature);
             if (stays_clear(now, arc, distance, margin)) return lead_lag(arc, now.twist, now.limits, now.dt_s);
         }
-        return turn(now, bearing, margin);
+        return car ? Twist{} : turn(now, bearing, margin);
     }
 
   private:
@@ -51,7 +56,7 @@ class PurePursuit final : public LocalController {
         const Vec2 here{now.pose.x, now.pose.y};
         const double corridor = now.footprint.radius + 0.5 * config_.margin_m;
         const Vec2 p =
-            visible_waypoint(now.path, now.along, lookahead,
+            visible_waypoint(now.path, now.along, now.stop, lookahead,
                              [&](Vec2 point) { return now.obstacles.corridor_free({}, point - here, corridor); }) -
             here;
         const double c = std::cos(now.pose.theta), s = std::sin(now.pose.theta);
@@ -59,7 +64,7 @@ class PurePursuit final : public LocalController {
     }
 
     double regulated(const Situation &now, double curvature, double clear) const {
-        const double most = now.limits.max_speed;
+        const double most = now.gear < 0.0 ? -now.limits.min_speed : now.limits.max_speed;
         double speed = most;
         const double bend = std::abs(curvature);
         if (bend * config_.regulated_linear_scaling_min_radius > 1.0)
@@ -79,9 +84,10 @@ class PurePursuit final : public LocalController {
 
     // Whether the footprint stays clear on the arc, as far as the robot looks ahead or needs to stop.
     bool stays_clear(const Situation &now, const Twist &arc, double distance, double margin) const {
-        const double to_carrot_s = arc.v > 1e-6 ? distance / arc.v : 0.0;
-        const double ahead_s = std::max(std::min(config_.max_allowed_time_to_collision, to_carrot_s),
-                                        stop_s(now.limits, std::max(arc.v, now.twist.v), now.dt_s));
+        const double to_carrot_s = std::abs(arc.v) > 1e-6 ? distance / std::abs(arc.v) : 0.0;
+        const double ahead_s =
+            std::max(std::min(config_.max_allowed_time_to_collision, to_carrot_s),
+                     stop_s(now.limits, now.gear * std::max(now.gear * arc.v, now.gear * now.twist.v), now.dt_s));
         const double moved = (std::abs(arc.v) + std::abs(arc.w) * now.footprint.radius) * ahead_s;
         const int pieces = std::clamp(static_cast<int>(std::ceil(moved / 0.1)), 1, 64);
         for (int k = 1; k <= pieces; ++k) {

@@ -23,18 +23,20 @@ Twist escape(const Situation &now) {
     double most = 0.0;
     for (const double w : {0.0, rate, -rate}) {
         for (const double v : {0.0, forward, backward}) {
-            if (v == 0.0 && w == 0.0) continue; // standing is what it is stuck in
+            // Standing is what it is stuck in, and a car does not turn without driving.
+            if (v == 0.0 && (w == 0.0 || now.limits.is_car())) continue;
+            const Twist arc = steerable({v, w}, now.limits);
             double room = 0.0;
             double least = kRoom;
             for (int k = 1; k <= kPoses && least > 0.0; ++k) {
                 const double after_s = kLook * k / kPoses;
-                const Pose at = integrate({0.0, 0.0, now.pose.theta}, {v, w}, after_s);
+                const Pose at = integrate({0.0, 0.0, now.pose.theta}, arc, after_s);
                 room = now.obstacles.clearance(now.footprint, at, kRoom, after_s);
                 least = std::min(least, room);
             }
             if (least <= 0.0 || room <= most) continue;
             most = room;
-            best = {v, w};
+            best = arc;
         }
     }
     return best;

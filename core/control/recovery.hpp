@@ -10,8 +10,8 @@ namespace adrl {
 inline constexpr int kRecoveryMemory = 4;
 
 // The controller's command; or, for a robot that has not got kProgress away from a place within kPatience, for
-// kEscape seconds the one of some slow arcs, forward, backward or in place, that leads where it has most room: it
-// moves, whatever room it has where it stands.
+// kEscape seconds the one of some slow arcs, forward, backward or, but for a car, in place, that leads where it has
+// most room: it moves, whatever room it has where it stands.
 Twist recover(const Situation &now, const Twist &chosen, double *memory);
 
 } // namespace adrl

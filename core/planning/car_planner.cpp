@@ -10,10 +10,12 @@ namespace {
 
 constexpr int kHeadings = 72;
 constexpr double kHeading = 2.0 * std::numbers::pi / kHeadings;
-constexpr double kCell = 0.15; // metres, at least
-constexpr double kCheck = 0.05; // metres between two poses that are looked at
-constexpr double kCover = 0.01; // metres by which the balls may miss the footprint's rim
-constexpr double kLeave = 1.0;  // metres from the start within which it may be as near to obstacles as there
+constexpr double kMostTurn = std::numbers::pi / 8.0; // of an arc of the search
+constexpr double kCell = 0.15;                       // metres, at least
+constexpr double kCheck = 0.05;                      // metres between two poses that are looked at, at most
+constexpr double kFine = 0.01;                       // and at least
+constexpr double kCover = 0.01;                      // metres by which the balls may miss the footprint's rim
+constexpr double kLeave = 1.0; // metres from the start within which it may be as near to obstacles as there
 constexpr int kMostNodes = 1 << 18;
 constexpr std::uint32_t kSlots = 1U << 19;
 constexpr GearCosts kCosts{1.0, 0.5};
@@ -31,7 +33,8 @@ bool later(const Item &a, const Item &b) {
 } // namespace
 
 CarPlanner::CarPlanner(const Car &car, int height, int width, double resolution)
-    : car_(car), height_(height), width_(width), resolution_(resolution), balls_(footprint_balls(car.footprint, kCover)) {
+    : car_(car), height_(height), width_(width), resolution_(resolution),
+      balls_(footprint_balls(car.footprint, kCover)) {
     inner_ = car.footprint.radius;
     const std::vector<Vec2> &corners = car.footprint.corners;
     for (std::size_t k = 0; k < corners.size(); ++k) {
@@ -44,6 +47,11 @@ CarPlanner::CarPlanner(const Car &car, int height, int width, double resolution)
     coarse_width_ = (width + each - 1) / each;
     // Far enough to leave a cell, and to turn by a heading.
     step_ = std::max(1.6 * coarse_, 1.1 * kHeading * car.turning_radius);
+    arc_ = std::min(step_, kMostTurn * car.turning_radius);
+    // Between two poses no place of the footprint comes nearer to anything than the margin spares, but for what the
+    // clearance at a cell's centre may be too much.
+    const double spare = car.margin - 0.72 * resolution;
+    check_ = std::clamp(2.0 * spare / (1.0 + car.footprint.radius / car.turning_radius), kFine, kCheck);
     const auto cells = static_cast<std::size_t>(coarse_height_) * coarse_width_;
     distance_.resize(cells);
     passable_.resize(cells);
@@ -83,7 +91,7 @@ bool CarPlanner::free_at(const Pose &pose) const {
 }
 
 bool CarPlanner::drives_free(const Pose &from, const CarPiece &piece) const {
-    const int pieces = std::max(1, static_cast<int>(std::ceil(std::abs(piece.length) / kCheck)));
+    const int pieces = std::max(1, static_cast<int>(std::ceil(std::abs(piece.length) / check_)));
     for (int k = 1; k <= pieces; ++k) {
         if (!free_at(drive_piece(from, piece, piece.length * k / pieces, car_.turning_radius))) return false;
     }
@@ -164,7 +172,7 @@ CarPlanner::Slot &CarPlanner::slot_of(std::uint32_t key) {
     return table_[at];
 }
 
-void CarPlanner::reach(const Pose &pose, double g, std::int32_t parent, int gear, int turn) {
+void CarPlanner::reach(const Pose &pose, double g, std::int32_t parent, const CarPiece &piece) {
     const std::uint32_t key = key_of(pose);
     Slot &slot = slot_of(key);
     if (slot.stamp == stamp_) {
@@ -176,7 +184,7 @@ void CarPlanner::reach(const Pose &pose, double g, std::int32_t parent, int gear
     const auto index = static_cast<std::int32_t>(nodes_.size());
     if (slot.stamp == stamp_) nodes_[slot.node].closed = true; // what is queued of it is stale
     slot = {stamp_, key, index};
-    nodes_.push_back({pose, g, parent, static_cast<std::int8_t>(gear), static_cast<std::int8_t>(turn), false});
+    nodes_.push_back({pose, g, piece, parent, false});
     heap_.push_back({g + left, index});
     std::push_heap(heap_.begin(), heap_.end(), later<Open>);
 }
@@ -185,12 +193,15 @@ void CarPlanner::expand(std::int32_t index) {
     const Node from = nodes_[index];
     for (const int gear : {1, -1}) {
         if (gear < 0 && !car_.backward) break;
-        const double cusp = from.gear != kEitherGear && from.gear != gear ? kCosts.cusp : 0.0;
-        const double g = from.g + cusp + step_ * (gear < 0 ? 1.0 + kCosts.backward : 1.0);
+        const int before = gear_of(from.piece);
+        const double cusp = before != kEitherGear && before != gear ? kCosts.cusp : 0.0;
+        const double price = gear < 0 ? 1.0 + kCosts.backward : 1.0;
         for (const int turn : {0, 1, -1}) {
-            const CarPiece piece{gear * step_, turn};
+            const double length = turn == 0 ? step_ : arc_;
+            const CarPiece piece{gear * length, turn};
             if (!drives_free(from.pose, piece)) continue;
-            reach(drive_piece(from.pose, piece, piece.length, car_.turning_radius), g, index, gear, turn);
+            const Pose to = drive_piece(from.pose, piece, piece.length, car_.turning_radius);
+            reach(to, from.g + cusp + price * length, index, piece);
         }
     }
 }
@@ -205,9 +216,9 @@ bool CarPlanner::curve_to_goal(const Pose &from, int gear, double most, CarCurve
         const Vec2 centre{from.x - side * s * car_.turning_radius, from.y + side * c * car_.turning_radius};
         const Vec2 away = goal_ - centre;
         const double d = norm(away);
-        if (d <= car_.turning_radius) continue;
+        if (d < (1.0 - 1e-9) * car_.turning_radius) continue;
         // The line from the goal that touches the circle: forward with the turn, backward against it.
-        const double bearing = std::atan2(away.y, away.x), off = std::asin(car_.turning_radius / d);
+        const double bearing = std::atan2(away.y, away.x), off = std::asin(std::min(1.0, car_.turning_radius / d));
         headings[count++] = wrap_angle(bearing + side * off);
         headings[count++] = wrap_angle(bearing - side * off + std::numbers::pi);
     }
@@ -217,8 +228,8 @@ bool CarPlanner::curve_to_goal(const Pose &from, int gear, double most, CarCurve
     double least = most;
     bool found = false;
     for (int k = 0; k < count; ++k) {
-        const CarCurve tried = reeds_shepp(from, {goal_.x, goal_.y, headings[k]}, car_.turning_radius, kCosts, gear,
-                                           car_.backward);
+        const CarCurve tried =
+            reeds_shepp(from, {goal_.x, goal_.y, headings[k]}, car_.turning_radius, kCosts, gear, car_.backward);
         if (tried.count == 0) continue;
         const double cost = cost_of(tried, kCosts, gear);
         if (cost >= least || !curve_free(from, tried)) continue;
@@ -236,7 +247,7 @@ bool CarPlanner::search() {
     expanded_ = 0;
     last_ = -1;
     double best = kFar;
-    reach(start_, 0.0, -1, kEitherGear, 0);
+    reach(start_, 0.0, -1, {});
     int until_curve = 0;
     while (!heap_.empty()) {
         std::pop_heap(heap_.begin(), heap_.end(), later<Open>);
@@ -251,8 +262,9 @@ bool CarPlanner::search() {
         if (--until_curve <= 0 && left < kCurveReach) {
             until_curve = 1 + static_cast<int>(4.0 * left);
             CarCurve curve;
-            if (curve_to_goal(from.pose, from.gear, best - from.g, curve)) {
-                best = from.g + cost_of(curve, kCosts, from.gear);
+            const int gear = gear_of(from.piece);
+            if (curve_to_goal(from.pose, gear, best - from.g, curve)) {
+                best = from.g + cost_of(curve, kCosts, gear);
                 last_ = at.node;
                 end_ = curve;
             }
@@ -265,7 +277,7 @@ bool CarPlanner::search() {
 void CarPlanner::trace() {
     anchors_.clear();
     for (std::int32_t at = last_; at >= 0; at = nodes_[at].parent)
-        anchors_.push_back({nodes_[at].pose, nodes_[at].g, {nodes_[at].gear * step_, nodes_[at].turn}});
+        anchors_.push_back({nodes_[at].pose, nodes_[at].g, nodes_[at].piece});
     std::reverse(anchors_.begin(), anchors_.end());
 }
 
@@ -280,7 +292,8 @@ void CarPlanner::add(const CarCurve &curve) {
     }
 }
 
-// From each anchor a curve to one as far ahead as can be that costs no more than the way found, or the piece to the next.
+// From each anchor a curve to one as far ahead as can be that costs no more than the way found, or the piece to the
+// next.
 void CarPlanner::pull_taut() {
     poses_.clear();
     poses_.push_back(start_);

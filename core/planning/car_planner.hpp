@@ -44,9 +44,9 @@ class CarPlanner {
   private:
     struct Node {
         Pose pose;
-        double g;           // metres with the costs of gears
+        double g;            // metres with the costs of gears
+        CarPiece piece;      // that ends there; of no length for the start
         std::int32_t parent; // -1 for the start
-        std::int8_t gear, turn;
         bool closed;
     };
     struct Open {
@@ -72,7 +72,7 @@ class CarPlanner {
     double estimate(const Pose &pose) const;
     std::uint32_t key_of(const Pose &pose) const;
     Slot &slot_of(std::uint32_t key);
-    void reach(const Pose &pose, double g, std::int32_t parent, int gear, int turn);
+    void reach(const Pose &pose, double g, std::int32_t parent, const CarPiece &piece);
     void expand(std::int32_t index);
     bool curve_to_goal(const Pose &from, int gear, double most, CarCurve &curve) const;
     bool search();
@@ -84,8 +84,9 @@ class CarPlanner {
     int height_, width_;
     double resolution_;
     std::vector<Ball> balls_;
-    double inner_; // radius of the greatest disc about the origin in the footprint
-    double step_;
+    double inner_;      // radius of the greatest disc about the origin in the footprint
+    double step_, arc_; // metres of a line and of an arc of the search
+    double check_;      // metres between two poses that are looked at
     int coarse_height_, coarse_width_;
     double coarse_; // side of a cell of the search, metres
 

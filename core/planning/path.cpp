@@ -7,16 +7,26 @@ namespace adrl {
 void Path::reserve(int points) {
     points_.reserve(points);
     along_.reserve(points);
+    cusps_.reserve(points);
 }
 
 void Path::assign(std::span<const double> points) {
     points_.clear();
     along_.clear();
+    cusps_.clear();
     for (std::size_t i = 0; i + 1 < points.size(); i += 2) {
         const Vec2 p{points[i], points[i + 1]};
         along_.push_back(points_.empty() ? 0.0 : along_.back() + norm(p - points_.back()));
         points_.push_back(p);
     }
+    for (std::size_t k = 1; k + 1 < points_.size(); ++k) {
+        if (dot(points_[k] - points_[k - 1], points_[k + 1] - points_[k]) < 0.0) cusps_.push_back(along_[k]);
+    }
+}
+
+double Path::next_cusp(double s) const {
+    const auto next = std::upper_bound(cusps_.begin(), cusps_.end(), s);
+    return next == cusps_.end() ? length() : *next;
 }
 
 Vec2 Path::at(double s) const {

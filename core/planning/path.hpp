@@ -22,10 +22,14 @@ class Path {
     Vec2 at(double s) const;
     // Arc length of the point nearest to p among those in [from, to].
     double project(Vec2 p, double from, double to) const;
+    // Arc length of the first corner beyond s at which the path turns by more than a right angle; the length where
+    // there is none.
+    double next_cusp(double s) const;
 
   private:
     std::vector<Vec2> points_;
     std::vector<double> along_; // arc length at each point
+    std::vector<double> cusps_;
 };
 
 } // namespace adrl

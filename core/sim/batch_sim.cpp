@@ -49,8 +49,8 @@ ADRL_CLONES void copy_ranges(const double *exact, int count, float *out) {
 } // namespace
 
 BatchSim::BatchSim(int num_envs, int num_threads, Robot robot, SimConfig config, SimBuffers buffers)
-    : num_envs_(num_envs), robot_(std::move(robot)), config_(config), rules_(guide_rules(robot_.footprint, config)),
-      b_(buffers), tasks_(num_envs), pool_(num_threads) {}
+    : num_envs_(num_envs), robot_(std::move(robot)), config_(config), rules_(guide_rules(robot_, config)), b_(buffers),
+      tasks_(num_envs), pool_(num_threads) {}
 
 void BatchSim::reset(const std::uint8_t *mask) {
     pool_.run(num_envs_, [&](int first, int last) {
@@ -84,7 +84,7 @@ void BatchSim::plan(LocalControl &control, double *out) {
             const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
             const Moment then = when_acted(i, limits);
             const double here = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
-            const double along = task.path.project({then.pose.x, then.pose.y}, here, here + rules_.window);
+            const double along = come_along(task.path, {then.pose.x, then.pose.y}, here, rules_.window, rules_.car);
             const Twist command =
                 control.in_world(i, moving(i), task.path, along, limits, then.pose, then.twist, then.time_s);
             out[2 * i] = command.v;
@@ -258,9 +258,9 @@ void BatchSim::guide(int i) {
     b_.waypoint[2 * i + 1] = waypoint.y;
 }
 
-GuideRules guide_rules(const Footprint &footprint, const SimConfig &config) {
+GuideRules guide_rules(const Robot &robot, const SimConfig &config) {
     constexpr double kMargin = 0.015; // metres beside the robot on the straight line to its waypoint
-    return {config.lookahead, config.search, footprint.radius + kMargin};
+    return {config.lookahead, config.search, robot.footprint.radius + kMargin, robot.limits.is_car()};
 }
 
 } // namespace adrl

@@ -85,8 +85,8 @@ struct SimConfig {
     bool waypoint_is_given = false; // others write the waypoints: a replanner
 };
 
-// How robots of this footprint are led along their paths.
-GuideRules guide_rules(const Footprint &footprint, const SimConfig &config);
+// How such robots are led along their paths.
+GuideRules guide_rules(const Robot &robot, const SimConfig &config);
 
 class BatchSim {
   public:

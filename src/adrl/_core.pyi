@@ -394,3 +394,31 @@ class RoutePlanner:
     ) -> tuple[I32, float, bool]:
         """(P, 2) cells (row, column) from start to goal, their cost in metres, and whether the goal is reached; else
         the route ends at the border (goal outside of the window) or in the reachable cell nearest to the goal."""
+
+def reeds_shepp(start: tuple[float, float, float], goal: tuple[float, float, float], radius_m: float) -> F64:
+    """(K, 2) pieces of the shortest curve of a car: metres, below 0 backward, and 1 for a turn to the left, 0, -1."""
+
+class CarPlanner:
+    """Hybrid A* on grids of one size; see car_planner.hpp. footprint as of Robot; backward: whether the car can."""
+    def __init__(
+        self,
+        radius_m: float,
+        footprint: F64,
+        turning_radius_m: float,
+        backward: bool,
+        margin_m: float,
+        height: int,
+        width: int,
+        resolution_m: float,
+    ) -> None: ...
+    def plan(
+        self,
+        clearance_m: F32,
+        origin_m: tuple[float, float],
+        start: tuple[float, float, float],
+        goal: tuple[float, float],
+    ) -> F64:
+        """(P, 3) poses along the path; (0, 3) when there is none. clearance_m (H, W), at cells' centres."""
+    @property
+    def expanded(self) -> int:
+        """Poses that the last search has left."""

@@ -26,7 +26,9 @@ def driven(start: Pose, curve: Array, radius_m: float) -> Pose:
     """Where pieces (K, 2), length and turn, lead to."""
     pose = start
     for length, turn in curve:
-        pose = twins.integrate(pose, 1.0 if length > 0.0 else -1.0, turn * np.sign(length) / radius_m, abs(length))
+        pose = twins.integrate(
+            pose, 1.0 if length > 0.0 else -1.0, turn * np.sign(length) / radius_m, abs(length)
+        )
     return pose
 
 

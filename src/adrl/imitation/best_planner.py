@@ -31,7 +31,7 @@ class Trial:
     pace: float
     """Its time in those, over what their shortest ways take at full speed; infinite where there are none."""
     backward: float
-    """Share of the time in which the robot backed."""
+    """Share of the time in which the robot backed; 0 for a car, whose paths lead backward too."""
 
     @property
     def arrives(self) -> bool:
@@ -72,7 +72,8 @@ def trial(controller: str, robot: RobotConfig, tasks: list[Task], num_threads: i
     while running.any():
         outcome = sim.step(sim.expert_actions())
         driven += int(running.sum())
-        backward += int((sim.b["twist"][running, 0] < 0.0).sum())
+        if not robot.is_car:
+            backward += int((sim.b["twist"][running, 0] < 0.0).sum())
         arrived |= outcome.reached & running
         running &= ~(outcome.reached | outcome.collided | outcome.timed_out)
         sim.b["active"][:] = running

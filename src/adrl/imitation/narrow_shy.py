@@ -27,8 +27,13 @@ class ShyPaths:
     """Leads every robot of an environment along a shy way of its own; poses and twists are the environment's."""
 
     def __init__(self, env: "NavVectorEnv", width_m: float) -> None:
-        """Raises ConfigError for a robot as wide as that."""
+        """Raises ConfigError for a robot as wide as that, and for a car."""
         robot, sim = env.robot, env.sim
+        if robot.is_car:
+            raise ConfigError(
+                f"expert narrow-shy: its ways have corners, which robot {robot.name!r} with min_turning_radius_m "
+                f"{robot.min_turning_radius_m:g} cannot drive; give another expert"
+            )
         own_m = 2.0 * inscribed_radius_m(robot)
         if width_m <= own_m:
             raise ConfigError(

@@ -1,4 +1,4 @@
-"""A* on the inflated grid, and the shortened path in metres."""
+"""A* on the inflated grid, and the shortened path in metres; for cars a path that they can drive."""
 
 import math
 
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.errors import ConfigError, GoalOccupied, NoPath, PlanningError, StartOccupied
+from adrl.planning.car_path import car_path
 from adrl.planning.grid import FreeSpace, clearance_limit_m, free_space, planning_grid
 from adrl.types import Array, RobotConfig, World
 
@@ -27,8 +28,8 @@ def plan(
     inscribed disc: where it passes, the robot fits through lengthwise. space, when it is at hand, is the
     world's free space for this robot, and the only one tried. Moving discs are ignored, except one that
     stands on the start. A start that is free of collision but nearer to an obstacle than paths are is led to
-    the nearest free cell first. Raises ConfigError for numbers that are not finite, StartOccupied,
-    GoalOccupied, and NoPath.
+    the nearest free cell first. The path of a car is one that it can drive from its heading: see car_path.
+    Raises ConfigError for numbers that are not finite, StartOccupied, GoalOccupied, and NoPath.
     """
     for name, point in (("start", start), ("goal", goal)):
         if not all(math.isfinite(number) for number in point):
@@ -37,6 +38,8 @@ def plan(
         return _plan_in(space, world, start, goal, robot)
     grid = planning_grid(world, clearance_limit_m(robot), include=_outside_allowed(world, start, goal))
     inscribed_m = inscribed_radius_m(robot)
+    if robot.is_car:  # car_path asks for the footprint itself
+        return _plan_in(free_space(grid, robot, inscribed_m), world, start, goal, robot)
     try:
         return _plan_in(free_space(grid, robot), world, start, goal, robot)
     except PlanningError:
@@ -54,6 +57,15 @@ def _plan_in(
 ) -> Array:
     goal_cell = _check_goal(space, goal, robot)
     start_cell = _check_start(space, world, start, robot)
+    if robot.is_car:
+        path = car_path(space.grid, start, goal, robot)
+        if path is None:
+            raise NoPath(
+                f"goal {_place(goal)} cannot be reached from {_place(start)} at {math.degrees(start[2]):.0f} degrees: "
+                f"robot {robot.name!r} finds no room for curves of min_turning_radius_m {robot.min_turning_radius_m:g}"
+                f"{'' if robot.min_speed_mps < 0.0 else ', and it cannot back'}; move the goal or widen a passage"
+            )
+        return path
     cells = grid_path(space, start_cell, goal_cell)
     if len(cells) == 0:
         raise NoPath(

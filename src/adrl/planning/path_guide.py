@@ -72,6 +72,5 @@ class MapGuide:
         grid = planning_grid(self.world, clearance_limit_m(self.robot))
         inscribed_m = inscribed_radius_m(self.robot)
         oblong = 0.0 < inscribed_m < self.robot.circumscribed_radius_m
-        return [
-            free_space(grid, self.robot, radius) for radius in ((None, inscribed_m) if oblong else (None,))
-        ]
+        radii = (inscribed_m,) if self.robot.is_car else (None, inscribed_m) if oblong else (None,)
+        return [free_space(grid, self.robot, radius) for radius in radii]

@@ -121,7 +121,8 @@ class Task(HasNative):
     """(x, y, yaw)."""
     goal: tuple[float, float]
     path: Array
-    """(P, 2) shortened A* path for this robot, start and goal included."""
+    """(P, 2) shortened A* path for this robot, start and goal included; for a car one that it can drive from its start:
+    see adrl.planning.car_path."""
     shortest_m: float
     """Length of the shortest feasible path of the inflated footprint: the reference of optimality and SPL."""
     time_limit_s: float

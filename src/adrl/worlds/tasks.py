@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl import _core
-from adrl.errors import ConfigError, TaskError, UnknownName
+from adrl.errors import ConfigError, NoPath, TaskError, UnknownName
 from adrl.planning.global_planner import Cell, grid_path, length_m, plan, shorten
 from adrl.planning.grid import FreeSpace, clearance_limit_m, free_space, planning_grid
 from adrl.types import SPLITS, Array, RobotConfig, Scenario, Task, World
@@ -99,7 +99,7 @@ def draw_task(
     straight_range_m: Range | None = None,
     tries: int = 50,
 ) -> Task:
-    """Draw start and goal such that the shortest path is within path_range_m.
+    """Draw start and goal such that the shortest path is within path_range_m; a car's may be longer, from its heading.
 
     straight_range_m: straight distance of the pairs tried; a path that is too long is cut
     and is dropped when start and goal are then too near. None takes distances that suit path lengths drawn at
@@ -124,8 +124,13 @@ def draw_task(
         pair = _cell(starts[fitting[0]], width), _cell(goals[fitting[0]], width)
         path = _path_within(tasks, *pair, path_range_m, rng)
         if path is not None and (straight_range_m is None or math.dist(path[0], path[-1]) >= low):
-            yaw = float(rng.uniform(-math.pi, math.pi))
-            return _task(world, (float(path[0, 0]), float(path[0, 1]), yaw), path, robot)
+            start = (float(path[0, 0]), float(path[0, 1]), float(rng.uniform(-math.pi, math.pi)))
+            if robot.is_car:
+                try:
+                    path = plan(world, start, (float(path[-1, 0]), float(path[-1, 1])), robot, tasks.space)
+                except NoPath:  # from that heading
+                    continue
+            return _task(world, start, path, robot)
     raise TaskError(
         f"no start and goal for robot {robot.name!r} with {path_range_m[0]:.1f} to {path_range_m[1]:.1f} m "
         f"of path between them in {tries} tries; take a smaller robot or another world"
