@@ -55,6 +55,10 @@ class NoPath(PlanningError):
     """Start and goal are free but not connected for this robot."""
 
 
+class NoRoomToTurn(PlanningError):
+    """A robot at its goal cannot turn to the heading asked for."""
+
+
 class GoalRefused(AdrlError):
     """Base of the reasons for which a robot does not take a goal; what it was doing before goes on."""
 
@@ -69,6 +73,10 @@ class UnknownFrame(GoalRefused):
 
 class NotLocalised(GoalRefused):
     """The goal needs the robot's place on the map, which nothing has told."""
+
+
+class TransformError(AdrlError):
+    """A transform between two frames is missing, stale or of the future."""
 
 
 class TaskError(AdrlError):

@@ -13,16 +13,22 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
+import numpy as np
+
+from adrl.deploy.frames import Frames, planar
 from adrl.deploy.localisation import Localisation
 from adrl.deploy.messages import Command, Odometry, Pose, Reason, Scan
-from adrl.deploy.navigator import Navigator
+from adrl.deploy.navigator import PATH, Navigator
 from adrl.deploy.watch import has_jumped, is_plausible
-from adrl.errors import BadGoal, ConfigError, GoalRefused, NotLocalised, UnknownFrame
+from adrl.errors import BadGoal, ConfigError, GoalRefused, NotLocalised, TransformError, UnknownFrame
+from adrl.geometry import compose, in_world_frame
+from adrl.types import Array
 
 LOG = logging.getLogger("adrl.driver")
 
-Source = Literal["pose", "odometry"]
-"""Where the place on the map comes from. pose: of a localisation, as AMCL's. odometry: its frame is the map's."""
+Source = Literal["pose", "tf", "odometry"]
+"""Where the place on the map comes from. pose: of a localisation, as AMCL's. tf: of transforms. odometry: its frame is
+the map's."""
 Outcome = Literal["", "reached", "failed", "cancelled"]
 """How the last goal ended; nothing while it is driven to."""
 
@@ -66,8 +72,9 @@ class Driver:
         odom_frame: str = "odom",
         map_frame: str = "map",
         localisation: Source = "pose",
+        frames: Frames | None = None,
     ) -> None:
-        """Raises ConfigError."""
+        """frames: of localisation tf. Raises ConfigError."""
         if localisation not in get_args(Source):
             raise ConfigError(f"localisation is {localisation!r}; give one of {', '.join(get_args(Source))}")
         self.navigator = navigator
@@ -75,12 +82,19 @@ class Driver:
         self._odom_frame, self._map_frame = odom_frame, map_frame
         self._source = localisation
         self._localisation = Localisation()
+        self.frames = frames or Frames()
+        """Where frames are in each other, as transforms tell."""
+        self._lost = ""
+        """Why transforms do not tell the place on the map."""
         self._strange_frames: set[tuple[str, str]] = set()
         """What was warned of: whose frame, and which."""
         self._on_map = navigator.guidance == "map"
         self._scan: Scan | None = None
         self._odometry: Odometry | None = None
         self._goal: tuple[float, float] | None = None
+        self._path: Array | None = None
+        self._yaw_rad: float | None = None
+        """As they were given: path and heading of the goal, where it has them."""
         self._goal_frame = ""
         self._outcome: Outcome = ""
         self._goals = 0
@@ -105,21 +119,32 @@ class Driver:
         """Whether the robot's place on the map is known."""
         return self._source == "odometry" or self._localisation.known
 
-    def set_goal(self, goal: tuple[float, float], frame: str) -> None:
+    def set_goal(
+        self,
+        goal: tuple[float, float],
+        frame: str,
+        *,
+        path: Array | None = None,
+        yaw_rad: float | None = None,
+    ) -> None:
         """Drive to (x, y) of a frame from the next step on, instead of the goal before.
 
+        path: (P, 2) of another planner, for guidance `map` or `path`. yaw_rad: the heading to turn to on arrival.
         Raises GoalRefused: UnknownFrame, NotLocalised, BadGoal. The goal before stays then.
         """
         self._goals += 1
+        self._localise()
         try:
-            self._check(goal, frame)
+            self._check(goal, frame, path, yaw_rad)
         except GoalRefused as refusal:
             self._refusal, self._message = refusal, str(refusal)
             LOG.warning("goal refused: %s: %s", type(refusal).__name__, refusal)
             raise
         self._goal, self._goal_frame = goal, frame.removeprefix("/")
+        self._path, self._yaw_rad = path, yaw_rad
         self._outcome, self._refusal, self._message = "", None, ""
-        self.navigator.set_goal(self._in_navigators_frame())
+        place, path, yaw_rad = self._in_navigators_frame()
+        self.navigator.set_goal(place, path, yaw_rad=yaw_rad)
         LOG.info("goal (%.2f, %.2f) in %s", *goal, self._goal_frame)
 
     def cancel(self) -> None:
@@ -135,7 +160,7 @@ class Driver:
         if frame and self._is_strange("odometry", frame, *frames):
             return
         robot, last = self.navigator.robot, self._localisation.newest
-        if self._source == "pose" and last is not None and is_plausible(robot, odometry):
+        if self._source != "odometry" and last is not None and is_plausible(robot, odometry):
             # Stamps that go back are a clock's jump, not the odometry's.
             later = odometry.stamp_s > last.stamp_s
             if later and has_jumped(robot, last, odometry):
@@ -147,10 +172,8 @@ class Driver:
         """Where a localisation saw the robot; of no use in another frame than the map's."""
         if self._is_strange("poses", frame, self._map_frame):
             return
-        if self._source == "odometry" or not self._localisation.take_pose(pose, stamp_s):
-            return
-        if self._goal is not None:
-            self.navigator.move_goal(self._in_navigators_frame())
+        if self._source == "pose" and self._localisation.take_pose(pose, stamp_s):
+            self._move_goal()
 
     def take_scan(self, scan: Scan, now_s: float) -> Report | None:
         """A scan; the step that it begins, if one is due or nearly so."""
@@ -204,9 +227,11 @@ class Driver:
         odometry, self._odometry = self._odometry, None
         if now_s < self._now_s:
             self._localisation.forget_stamps()
+            self.frames.forget()
             if odometry is not None:
                 self._localisation.take_odometry(odometry)
         self._now_s, self._beat_s = now_s, beat_s
+        self._localise()
         if self._goal is not None:
             self._stops_left = STOPS
         send = self.has_base
@@ -227,13 +252,14 @@ class Driver:
             outcome=self._outcome,
             goals=self._goals,
             refusal=self._refusal,
-            message=self._message,
+            message=self._message or (self._lost if "not_localised" in command.reasons else ""),
         )
 
     def _begin_anew(self) -> None:
         """Odometry has jumped: of its frame nothing is known any more."""
         LOG.warning("odometry jumped: the place on the map is unknown until localisation tells it")
         self._localisation.forget()
+        self.frames.forget()
         if self._goal is not None and self._goal_frame == self._odom_frame:
             self._end(
                 "failed",
@@ -251,30 +277,65 @@ class Driver:
             return UNKNOWN
         return self._localisation.to_map(newest.pose)
 
-    def _check(self, goal: tuple[float, float], frame: str) -> None:
+    def _localise(self) -> None:
+        """With localisation tf: the odometry's frame on the map, at the newest odometry's stamp."""
+        newest = self._localisation.newest
+        if self._source != "tf" or newest is None:
+            return
+        try:
+            self._localisation.place(
+                planar(self.frames.lookup(self._map_frame, self._odom_frame, newest.stamp_s))
+            )
+        except TransformError as error:
+            if not self._lost:
+                LOG.warning("not localised: %s", error)
+            self._lost = str(error)
+            self._localisation.place(None)
+            return
+        self._lost = ""
+        self._move_goal()
+
+    def _move_goal(self) -> None:
+        """Its place is better known."""
+        if self._goal is not None:
+            place, path, yaw_rad = self._in_navigators_frame()
+            self.navigator.move_goal(place, path, yaw_rad=yaw_rad)
+
+    def _check(
+        self, goal: tuple[float, float], frame: str, path: Array | None, yaw_rad: float | None
+    ) -> None:
         """Raises GoalRefused."""
         frames = (self._odom_frame, self._map_frame)
         if frame.removeprefix("/") not in frames:
             raise UnknownFrame(f"the goal is in frame {frame!r}; give it in {' or '.join(frames)}")
         if not all(map(math.isfinite, goal)):
             raise BadGoal(f"the goal {goal} is not finite; give metres")
+        if path is not None and not (len(path) > 0 and np.isfinite(path).all()):
+            raise BadGoal("the path has no points, or one that is not finite; give metres")
+        if path is None and self.navigator.guidance == PATH:
+            raise BadGoal("guidance path needs the path to the goal; give it")
+        if yaw_rad is not None and not math.isfinite(yaw_rad):
+            raise BadGoal("the goal's heading is none: its quaternion is not of length 1")
         on_map = self._on_map or frame.removeprefix("/") == self._map_frame
         if on_map and not self.localised:
             what = "guidance map needs" if self._on_map else f"a goal in {self._map_frame!r} needs"
             raise NotLocalised(
-                f"{what} the robot's place on the map, and no localisation has told it: start one that publishes "
-                f"poses (amcl_pose)" + ("" if self._on_map else f", or give the goal in {self._odom_frame!r}")
+                f"{what} the robot's place on the map, and "
+                + (self._lost or "no localisation has told it: start one that publishes poses (amcl_pose)")
+                + ("" if self._on_map else f"; or give the goal in {self._odom_frame!r}")
             )
 
-    def _in_navigators_frame(self) -> tuple[float, float]:
-        """The goal in the frame of the odometry, with guidance `map` in the map's."""
+    def _in_navigators_frame(self) -> tuple[tuple[float, float], Array | None, float | None]:
+        """Goal, path and heading in the frame of the odometry, with guidance `map` in the map's."""
         assert self._goal is not None
         goal_on_map = self._goal_frame == self._map_frame
         if goal_on_map == self._on_map or not self._localisation.known:
-            return self._goal
-        here = (*self._goal, 0.0)
-        place = self._localisation.to_map(here) if self._on_map else self._localisation.to_odom(here)
-        return place[:2]
+            return self._goal, self._path, self._yaw_rad
+        origin = (0.0, 0.0, 0.0)
+        frame = self._localisation.to_map(origin) if self._on_map else self._localisation.to_odom(origin)
+        x, y, yaw_rad = compose(frame, (*self._goal, self._yaw_rad or 0.0))
+        path = None if self._path is None else in_world_frame(np.array(frame), self._path)
+        return (x, y), path, None if self._yaw_rad is None else yaw_rad
 
     def _end(self, outcome: Outcome, message: str = "") -> None:
         """message: why it failed. A refusal on the way is a thing of the past."""
@@ -282,7 +343,7 @@ class Driver:
         goal = f"goal ({self._goal[0]:.2f}, {self._goal[1]:.2f}) in {self._goal_frame}"
         if message and self._on_map and self._goal_frame != self._map_frame:
             message = f"{message} (in {self._map_frame}; it was given as the {goal})"
-        self._goal, self._outcome = None, outcome
+        self._goal, self._path, self._outcome = None, None, outcome
         self._refusal, self._message = None, message
         level = logging.WARNING if outcome == "failed" else logging.INFO
         LOG.log(level, "%s %s%s", goal, outcome, message and f": {message}")

@@ -55,10 +55,18 @@ class Guide:
     follows_given_path = False
     """Whether the way to the goal is not its own."""
 
+    @property
+    def may_arrive(self) -> bool:
+        """Whether a robot at its goal has come to the end of its way."""
+        return True
+
     def set_goal(self, path: Array | None = None) -> None:
         """Another goal, which head_for is given from now on. path: (P, 2) to follow there. Raises ConfigError."""
         if path is not None:
             raise ConfigError(f"guidance {self.name} follows no path; leave it out, or give guidance map")
+
+    def move_path(self, path: Array) -> None:
+        """The path that is followed is the same, better known."""
 
     def wait(self) -> None:
         """The robot stands, without a goal."""

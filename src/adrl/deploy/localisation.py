@@ -39,6 +39,10 @@ class Localisation:
         """The clock has gone back: odometry is stamped anew, its frame is where it was."""
         self._history.clear()
 
+    def place(self, odom_on_map: Pose | None) -> None:
+        """Where the odometry's frame is on the map, as a tree of transforms tells; None where it does not."""
+        self._odom_on_map = odom_on_map
+
     def take_odometry(self, odometry: Odometry) -> None:
         """Remember it, unless it is overtaken by a newer one; after a clock has jumped, it alone."""
         if not math.isfinite(odometry.stamp_s) or not all(map(math.isfinite, odometry.pose)):

@@ -16,6 +16,8 @@ from typing import Any, Self
 import numpy as np
 
 from adrl.deploy.another_robot import other_robot
+from adrl.deploy.final_turn import FinalTurn
+from adrl.deploy.given_path import GivenPathGuide
 from adrl.deploy.guidance import (
     ONE,
     Guide,
@@ -39,6 +41,10 @@ from adrl.types import Array, Policy, RobotConfig, World
 
 GOAL_TOLERANCE_M = 0.3
 """Distance to the goal at which it is reached, as in training."""
+YAW_TOLERANCE_RAD = 0.25
+"""Of the heading that a goal asks for; Nav2's."""
+PATH = "path"
+"""The guidance along a path of another planner, without a map. To a policy it is guidance `map`."""
 USUAL = CAUTIONS | {"limited"}
 """What a base does with a command in training, too: there a policy is told what it asked for."""
 NEW_FRAME = frozenset[Reason](("odometry_jumped", "clock_jumped"))
@@ -64,18 +70,22 @@ class Navigator:
         zero_is_free: bool = False,
         nan_is_free: bool = False,
         goal_tolerance_m: float = GOAL_TOLERANCE_M,
+        yaw_tolerance_rad: float = YAW_TOLERANCE_RAD,
         supervisor: SupervisorConfig | None = DEFAULT,
         recovery: bool = True,
     ) -> None:
         """policy: in any form of find_policy. robot: the one that is there; that of the policy's training when None.
-        guidance: as trained when None. world: the known map of guidance `map`. mount: of the robot's LiDAR, the
-        robot's when None; zero_is_free, nan_is_free: see ScanReader. supervisor: None drives without one: in
-        simulation only. recovery: a robot that the supervisor holds for long turns to a free way by itself.
+        guidance: as trained when None; `path` follows those of another planner, and needs no map. world: the known
+        map of guidance `map`. mount: of the robot's LiDAR, the robot's when None; zero_is_free, nan_is_free: see
+        ScanReader. supervisor: None drives without one: in simulation only. recovery: a robot that the supervisor holds
+        for long turns to a free way by itself.
 
         Raises CheckpointError, UnknownName and ConfigError.
         """
         if not 0.0 < goal_tolerance_m < math.inf:
             raise ConfigError(f"goal_tolerance_m is {goal_tolerance_m}; give metres, more than 0")
+        if not yaw_tolerance_rad > 0.0:
+            raise ConfigError(f"yaw_tolerance_rad is {yaw_tolerance_rad}; give radians, more than 0")
         found = find_policy(policy)
         self.policy = found.policy
         self.robot = _robot(found, robot)
@@ -83,9 +93,11 @@ class Navigator:
         self.other_robot = other_robot(found.name, trained, self.robot)
         """What is other on this robot than on the one that the policy was trained for, in words; None for nothing."""
         self._as_trained = found.taken_as(self.robot)
-        self.guidance = found.require_guidance(guidance)
+        self.guidance = PATH if guidance == PATH else found.require_guidance(guidance)
         check_guidance(self.guidance, world)
-        self.goal_tolerance_m = goal_tolerance_m
+        self.goal_tolerance_m, self.yaw_tolerance_rad = goal_tolerance_m, yaw_tolerance_rad
+        self.speed_limit_mps = math.inf
+        """Greatest speed that is asked for from now on, whatever the policy wants."""
         self.supervisor = (
             None
             if supervisor is None
@@ -108,8 +120,15 @@ class Navigator:
         """Where to head for."""
         if world is not None:
             self.guide = KnownMapGuide(world, self.robot, goal_tolerance_m)
-        elif self.guidance == "replan":
-            self.guide = OwnMapGuide(Replanner(1, self._as_trained, found.replanner, maturity=found.maturity))
+        elif self.guidance in ("replan", PATH):
+            replanner = Replanner(1, self._as_trained, found.replanner, maturity=found.maturity)
+            self.guide = (OwnMapGuide if self.guidance == "replan" else GivenPathGuide)(replanner)
+        if self.guidance == PATH:
+            found.require_guidance("map")
+        self._turn: FinalTurn | None = None
+        """To the heading that the goal asks for."""
+        self._turning = False
+        """The robot has arrived, and turns."""
         self._begun = False
         """The policy has been told of the episode that drives to the goal."""
         self._interrupted = True
@@ -123,33 +142,48 @@ class Navigator:
         constructor. Raises AdrlError."""
         return cls(policy, **options)
 
-    def set_goal(self, goal: tuple[float, float], path: Array | None = None) -> None:
+    def set_goal(
+        self, goal: tuple[float, float], path: Array | None = None, *, yaw_rad: float | None = None
+    ) -> None:
         """Drive to (x, y) from the next step on; on the way, turn to it there.
 
-        path: (P, 2) of another planner to follow with guidance `map`; ADRL plans its own when None. Raises ConfigError.
+        path: (P, 2) of another planner to follow with guidance `map` or `path`; ADRL plans its own when None. yaw_rad:
+        the heading to turn to on arrival, any when None. Raises ConfigError.
         """
         if not np.isfinite(goal).all():
             raise ConfigError(f"goal {goal} is not finite; give metres")
+        if yaw_rad is not None and not math.isfinite(yaw_rad):
+            raise ConfigError(f"the heading {yaw_rad} is not finite; give radians, or leave it out")
         before, place = self.goal, (float(goal[0]), float(goal[1]))
-        own_path = path is None and not self.guide.follows_given_path
-        if before is not None and own_path and math.dist(before, place) < WAY_M:
-            self.goal = place
-            return  # the same, better known: as one that follows a person, or is given again and again
-        self.guide.set_goal(path)
+        is_near = before is not None and math.dist(before, place) < WAY_M
+        if not (is_near and path is None and not self.guide.follows_given_path):
+            self.guide.set_goal(path)
+        # Else the same, better known: as one that follows a person, or is given again and again.
         self.goal = place
-        if self._recovery is not None:
+        if not is_near and self._recovery is not None:
             self._recovery.forget()
+        wanted = self._turn and self._turn.yaw_rad
+        if not is_near or yaw_rad != wanted:
+            self._turning = False
+            self._turn = None if yaw_rad is None else FinalTurn(self.robot, yaw_rad, self.yaw_tolerance_rad)
 
-    def move_goal(self, goal: tuple[float, float]) -> None:
-        """The goal is the same, and its place better known, as localisation tells. What was seen, the route and the
-        recovery's memory stay."""
-        if self.goal is not None:
-            self.goal = (float(goal[0]), float(goal[1]))
+    def move_goal(
+        self, goal: tuple[float, float], path: Array | None = None, *, yaw_rad: float | None = None
+    ) -> None:
+        """The goal is the same, and its place better known, as localisation tells; so are its path and its heading.
+        What was seen, the route and the recovery's memory stay."""
+        if self.goal is None:
+            return
+        self.goal = (float(goal[0]), float(goal[1]))
+        if path is not None:
+            self.guide.move_path(path)
+        if self._turn is not None and yaw_rad is not None:
+            self._turn.yaw_rad = yaw_rad
 
     def cancel(self) -> None:
         """Stop at the next step, and wait for a goal."""
-        self.goal = None
-        self._begun = False
+        self.goal = self._turn = None
+        self._begun = self._turning = False
         self.guide.wait()
 
     def step(
@@ -180,10 +214,9 @@ class Navigator:
         assert scan is not None
         assert odometry is not None
         place = odometry.pose if map_pose is None or self.guidance != "map" else map_pose
-        if self._arrived(place, self.goal, now_s):
-            self.cancel()
-            return self._stand("reached", now_s)
         try:
+            if self._turning or self._arrived(place, self.goal, now_s):
+                return self._end(place, self.goal, now_s)
             return self._drive(scan, odometry, place, self.goal, now_s)
         except PlanningError as error:
             self.cancel()
@@ -224,6 +257,25 @@ class Navigator:
             distance_m=heading.distance_m,
         )
 
+    def _end(self, place: Pose, goal: tuple[float, float], now_s: float) -> Command:
+        """At the goal: stand, or turn to its heading first. Raises PlanningError."""
+        wanted = None if self._turn is None else self._turn.twist(place[2], now_s)
+        if wanted is None:
+            self.cancel()
+            return self._stand("reached", now_s)
+        self._turning = self._interrupted = True
+        twist, reasons = (wanted, ()) if self.supervisor is None else self.supervisor.limit(wanted, now_s)
+        self._action = to_action(np.array([twist]), self._as_trained)
+        plan = np.array([place[:2], goal])
+        return Command(
+            twist=twist,
+            status="driving",
+            reasons=reasons,
+            waypoint=goal,
+            plan=plan,
+            distance_m=math.dist(place[:2], goal),
+        )
+
     def _view(self, scan: Scan, odometry: Odometry, place: Pose, now_s: float) -> View:
         return View(
             ranges=self._adapter(scan)[None],
@@ -251,11 +303,11 @@ class Navigator:
         """What is sent instead of the policy's action. towards: (2,) the waypoint in the robot's frame."""
         v, w = to_twist(self._action, self._as_trained)[0].tolist()
         if self.supervisor is None:
-            return (v, w), ()
+            return self._slowed((v, w)), ()
         helped = None
         if self._recovery is not None:
             helped = self._recovery.twist(math.atan2(towards[1], towards[0]), now_s)
-        twist, reasons = self.supervisor.limit(helped or (v, w), now_s)
+        twist, reasons = self.supervisor.limit(self._slowed(helped or (v, w)), now_s)
         if self._recovery is not None:
             self._recovery.watch(now_s)
         if helped is not None:
@@ -263,6 +315,12 @@ class Navigator:
         if not USUAL.issuperset(reasons):  # the policy is told what the base was told
             self._action = to_action(np.array([twist]), self._as_trained)
         return twist, reasons
+
+    def _slowed(self, twist: Twist) -> Twist:
+        """Within the speed limit, on the same arc."""
+        v, w = twist
+        share = min(1.0, self.speed_limit_mps / max(abs(v), 1e-9))
+        return share * v, share * w
 
     def _stand(
         self,
@@ -288,6 +346,8 @@ class Navigator:
 
         Localisation that finds it beyond the goal has not driven it there.
         """
+        if not self.guide.may_arrive:
+            return False
         here, there = np.array(place[:2]), np.array(goal)
         before = here
         if self._last is not None and not self._interrupted:

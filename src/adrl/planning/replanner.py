@@ -192,6 +192,14 @@ class Replanner:
         self._plan(triggered | self._due(awake & following, odometry), odometry)
         return self.waypoints
 
+    def sees(self, start: Array, end: Array) -> bool:
+        """Whether the first robot knows of nothing on the straight way from (x, y) to (x, y)."""
+        poses = np.zeros((len(self.b["goal"]), 3))
+        poses[0, :2] = start
+        mask = np.zeros(len(poses), dtype=bool)
+        mask[0] = True
+        return bool(self._sees(mask, poses, np.broadcast_to(end, (len(poses), 2)).copy(), np.inf)[0])
+
     def state(self) -> dict[str, NDArray[Any]]:
         """Copies of all that changes."""
         return {name: array.copy() for name, array in self.b.items()}

@@ -1,0 +1,163 @@
+"""Guidance along the path of another planner, with nothing else known: what stands in its way the robot maps itself."""
+
+import itertools
+import math
+
+import numpy as np
+
+from adrl.deploy.guidance import ONE, Guide, Heading, Point, View
+from adrl.errors import ConfigError
+from adrl.planning.path_guide import LOOKAHEAD_M
+from adrl.planning.replanner import Replanner
+from adrl.types import Array
+
+PARTS = (1.0, 0.75, 0.55, 0.4, 0.3, 0.2)
+"""Of the look-ahead: waypoints that are tried in turn, as in training with guidance `map`."""
+BLIND_PART = 0.15
+"""Of the look-ahead, where the robot sees a free way to none of them."""
+WINDOW_M = 2.0 * LOOKAHEAD_M
+"""The robot is looked for so far ahead of where it was on the path, and its way is checked so far ahead."""
+BACK_M = 1.0
+"""It is looked for so far back as well: help may have taken it there."""
+STEP_M = 0.3
+"""Pieces of the path that are checked one by one."""
+REJOIN_M = 6.0
+"""What blocks the path is driven round to a point of it no farther ahead than this. Else another path is needed."""
+DETOUR_M, DETOUR = 2.0, 2.0
+"""The way round may be so many times as long as the piece of the path that it takes the place of, and so much longer.
+Beyond that another path is needed."""
+NEARLY_M = 1.0
+"""With so much of the path left the robot may arrive: a path may pass its own end before."""
+
+
+class GivenPathGuide(Guide):
+    """Guidance `path`: the path leads, in the odometry's frame. The way round what blocks it is planned on the robot's
+    own map."""
+
+    name = "path"
+
+    def __init__(self, replanner: Replanner) -> None:
+        """replanner: of one robot."""
+        self.replanner = replanner
+        self._path: Array = np.empty((0, 2))
+        self._lengths_m: Array = np.empty(0)
+        """(P,) from the path's begin to each of its points."""
+        self._along_m = 0.0
+        self._left_m = math.inf
+        self._maps = False
+        """Whether there is a map of where the robot is."""
+        self._round = False
+        """Whether it is on its way round what blocks the path."""
+
+    @property
+    def follows_given_path(self) -> bool:
+        """See Guide."""
+        return True
+
+    @property
+    def may_arrive(self) -> bool:
+        """See Guide."""
+        return self._left_m < NEARLY_M
+
+    def set_goal(self, path: Array | None = None) -> None:
+        """See Guide. What is mapped stays."""
+        if path is None or np.ndim(path) != 2 or len(path) == 0 or not np.isfinite(path).all():
+            raise ConfigError("guidance path follows a path of finite points; give one, or another guidance")
+        self._along_m, self._round = 0.0, False
+        self.move_path(path)
+        self._left_m = float(self._lengths_m[-1])
+
+    def move_path(self, path: Array) -> None:
+        """The same path, better known, as localisation tells."""
+        self._path = np.asarray(path, dtype=np.float64)
+        steps = np.hypot(*np.diff(self._path, axis=0).T)
+        self._lengths_m = np.concatenate([[0.0], np.cumsum(steps)])
+
+    def forget(self) -> None:
+        """See Guide: the map was of the other frame."""
+        self._maps = self._round = False
+
+    def look(self, view: View, goal: Point) -> None:
+        """See Guide: a robot that stands on its way is not blind."""
+        self.head_for(view, goal)
+
+    def head_for(self, view: View, goal: Point) -> Heading:
+        """See Guide. Enters the scan into the map."""
+        here = view.reckoned[0, :2]
+        self._advance(here)
+        target, blocked_m = self._target(here)
+        blocked = blocked_m > 0.0
+        goals = np.array([target])
+        if not self._maps:
+            self.replanner.reset(ONE, goals, view.reckoned)
+        elif blocked and self._round:
+            self.replanner.move_goals(ONE, goals)
+        else:
+            self.replanner.retarget(ONE, goals)
+        self._maps, self._round = True, blocked
+        waypoint = self.replanner.update(view.ranges, view.reckoned)[0]
+        most_m = DETOUR * blocked_m + DETOUR_M
+        if blocked and not (self.replanner.following[0] and self.replanner.b["route"][0] <= most_m):
+            # No way round is known: up to it, and wait.
+            waypoint = self._at(np.array([self._along_m + BLIND_PART * LOOKAHEAD_M]))[0]
+        ahead = self._path[self._lengths_m > self._along_m]
+        x, y = waypoint.tolist()
+        return Heading(
+            waypoint=(x, y),
+            distance_m=self._left_m,
+            goal=goal,
+            plan=np.vstack([here, *([waypoint] if blocked else []), ahead]),
+        )
+
+    def as_shown(self, towards: Array) -> Array:
+        """See Guide."""
+        return self.replanner.as_goals(towards) if self.replanner.following[0] else towards
+
+    def _advance(self, here: Array) -> None:
+        """Find the robot on the path."""
+        self._along_m, off_m = _nearest(
+            self._path, self._lengths_m, here, self._along_m - BACK_M, self._along_m + WINDOW_M
+        )
+        self._left_m = float(self._lengths_m[-1]) - self._along_m + off_m
+
+    def _target(self, here: Array) -> tuple[Array, float]:
+        """Where to head for: the farthest point ahead with a free straight way to it, and 0; where the path is blocked,
+        the first one beyond that, and how far along the path it is."""
+        begin, end = self._along_m, float(self._lengths_m[-1])
+        marks = np.minimum(begin + STEP_M * np.arange(1, 1 + round(REJOIN_M / STEP_M)), end)
+        points = np.vstack([here, self._at(marks)])
+        free = [self._sees(a, b) for a, b in itertools.pairwise(points)]
+        near = round(WINDOW_M / STEP_M)
+        if False in free[:near]:
+            first = free.index(False)
+            beyond = next((k for k in range(first + 1, len(free)) if free[k] and free[k - 1]), None)
+            if beyond is not None:
+                return points[beyond + 1], (beyond + 1) * STEP_M
+        *targets, nearest = self._at(begin + LOOKAHEAD_M * np.array([*PARTS, BLIND_PART]))
+        return next((target for target in targets if self._sees(here, target)), nearest), 0.0
+
+    def _at(self, along_m: Array) -> Array:
+        """(M, 2) the points so far (M,) along the path."""
+        return np.stack([np.interp(along_m, self._lengths_m, axis) for axis in self._path.T], axis=1)
+
+    def _sees(self, start: Array, end: Array) -> bool:
+        """Whether nothing is known on the straight way from one point to another."""
+        return not self._maps or self.replanner.sees(start, end)
+
+
+def _nearest(
+    path: Array, lengths_m: Array, here: Array, least_m: float, most_m: float
+) -> tuple[float, float]:
+    """How far along the path, within bounds, the point nearest to here is; and how far off that is."""
+    begins, steps = lengths_m[:-1], np.diff(lengths_m)
+    if not steps.any():
+        return 0.0, math.dist(path[0], here)
+    ways = np.diff(path, axis=0)
+    share = ((here - path[:-1]) * ways).sum(axis=1) / np.maximum(steps**2, 1e-12)
+    low = np.clip((least_m - begins) / np.maximum(steps, 1e-12), 0.0, 1.0)
+    high = np.clip((most_m - begins) / np.maximum(steps, 1e-12), 0.0, 1.0)
+    share = np.clip(share, low, high)
+    off_m = np.hypot(*(path[:-1] + share[:, None] * ways - here).T)
+    off_m[(begins > most_m) | (begins + steps < least_m)] = np.inf
+    best = int(off_m.argmin())
+    return float(begins[best] + share[best] * steps[best]), float(off_m[best])
