@@ -1,11 +1,14 @@
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
 #include "bound_control.hpp"
 #include "buffers.hpp"
 #include "footprint.hpp"
+#include "kinds.hpp"
 #include "sim/batch_sim.hpp"
 
 using namespace adrl;
@@ -80,17 +83,32 @@ struct BoundSim {
     BatchSim sim;
     SimBuffers buffers;
     nb::object keep_alive;
+
+    // Whoever writes the kinds may write anything.
+    void require_kinds_known() const {
+        require_kinds(buffers.kind, static_cast<std::size_t>(sim.num_envs()), sim.num_kinds());
+    }
 };
 
-std::unique_ptr<BoundSim> make_sim(int num_envs, int num_threads, Robot robot, SimConfig config, nb::dict buffers) {
+std::unique_ptr<BoundSim> make_sim(int num_envs, int num_threads,
+                                   const std::vector<std::pair<Robot, SimConfig>> &robots, nb::dict buffers) {
     if (num_envs < 0) throw nb::value_error("num_envs is negative");
+    if (robots.empty()) throw nb::value_error("kinds: give one or more");
+    std::vector<SimKind> kinds;
+    int most_beams = 0;
+    for (const auto &[robot, config] : robots) {
+        kinds.emplace_back(robot, config);
+        most_beams = std::max(most_beams, robot.beams.count());
+    }
     const auto n = static_cast<std::size_t>(num_envs);
-    const auto beams = static_cast<std::size_t>(robot.beams.count());
+    const auto beams = static_cast<std::size_t>(most_beams);
     const auto f64 = [&](const char *name, std::initializer_list<std::size_t> shape) {
         return buffer<double>(buffers, name, shape);
     };
     const auto u8 = [&](const char *name) { return buffer<std::uint8_t>(buffers, name, {n}); };
-    const SimBuffers b{f64("command", {n, 2}),
+    const SimBuffers b{buffer<std::int64_t>(buffers, "kind", {n}),
+                       most_beams,
+                       f64("command", {n, 2}),
                        u8("active"),
                        buffer<std::uint64_t>(buffers, "seed", {n}),
                        f64("params", {n, kNumParams}),
@@ -110,7 +128,7 @@ std::unique_ptr<BoundSim> make_sim(int num_envs, int num_threads, Robot robot, S
                        f64("memory", {n, kMemory}),
                        f64("people", {n, kMaxPeople, kPersonNumbers})};
     // A copy of the dictionary: taking an array out of the caller's must not free it under the simulator.
-    return std::unique_ptr<BoundSim>(new BoundSim{BatchSim(num_envs, num_threads, std::move(robot), config, b), b,
+    return std::unique_ptr<BoundSim>(new BoundSim{BatchSim(num_envs, num_threads, std::move(kinds), b), b,
                                                   nb::steal<nb::object>(PyDict_Copy(buffers.ptr()))});
 }
 
@@ -121,11 +139,13 @@ void set_task(BoundSim &self, int i, std::shared_ptr<Task> task) {
 
 void reset(BoundSim &self, const Flat8 &mask) {
     if (mask.shape(0) != static_cast<std::size_t>(self.sim.num_envs())) throw nb::value_error("mask");
+    self.require_kinds_known();
     const nb::gil_scoped_release release;
     self.sim.reset(mask.data());
 }
 
 void step(BoundSim &self) {
+    self.require_kinds_known();
     for (int i = 0; i < self.sim.num_envs(); ++i) {
         if (self.buffers.active[i])
             require_finite({self.buffers.command[2 * i], self.buffers.command[2 * i + 1]}, "command");
@@ -136,6 +156,7 @@ void step(BoundSim &self) {
 
 void follow(BoundSim &self, const In<double, nb::shape<-1, 3>> &before) {
     if (before.shape(0) != static_cast<std::size_t>(self.sim.num_envs())) throw nb::value_error("before");
+    self.require_kinds_known();
     const nb::gil_scoped_release release;
     self.sim.follow(before.data());
 }
@@ -144,6 +165,8 @@ void plan(BoundSim &self, BoundControl &control, Out<double, Rows2> out) {
     if (out.shape(0) != static_cast<std::size_t>(self.sim.num_envs())) throw nb::value_error("out");
     if (control.native.num_robots() != self.sim.num_envs()) throw nb::value_error("control: of as many robots");
     if (control.num_threads < self.sim.num_threads()) throw nb::value_error("control: of as many threads");
+    self.require_kinds_known();
+    control.require_kinds_known();
     const nb::gil_scoped_release release;
     self.sim.plan(control.native, out.data());
 }
@@ -167,8 +190,7 @@ void bind_batch_sim(nb::module_ &m) {
         .def(nb::new_(&make_guide), nb::arg("world"), nb::arg("robot"), nb::arg("config"), nb::arg("path").noconvert())
         .def("follow", &BoundGuide::follow, nb::arg("x_m"), nb::arg("y_m"));
     nb::class_<BoundSim>(m, "BatchSim")
-        .def(nb::new_(&make_sim), nb::arg("num_envs"), nb::arg("num_threads"), nb::arg("robot"), nb::arg("config"),
-             nb::arg("buffers"))
+        .def(nb::new_(&make_sim), nb::arg("num_envs"), nb::arg("num_threads"), nb::arg("kinds"), nb::arg("buffers"))
         .def_prop_ro("num_threads", [](const BoundSim &self) { return self.sim.num_threads(); })
         .def("set_task", &set_task, nb::arg("index"), nb::arg("task"))
         .def("reset", &reset, nb::arg("mask").noconvert())

@@ -1,8 +1,11 @@
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/variant.h>
+#include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
 #include "bound_control.hpp"
@@ -45,10 +48,11 @@ void check(const ControllerConfig &controller) {
     std::visit([](const auto &config) { check(config); }, controller);
 }
 
-std::unique_ptr<BoundControl> make_control(int num_robots, int num_threads, const Robot &robot,
-                                           std::tuple<double, double, double> response,
-                                           const ControllerConfig &controller, bool foresee, nb::dict buffers) {
-    if (num_robots < 0 || num_threads < 1) throw nb::value_error("num_robots is negative or num_threads not positive");
+// A robot; its greatest acceleration and yaw acceleration, and its lag; what drives it.
+using ControlKind = std::tuple<Robot, std::tuple<double, double, double>, ControllerConfig>;
+
+ControlSetup make_setup(const ControlKind &kind, bool foresee) {
+    const auto &[robot, response, controller] = kind;
     const auto [acceleration, yaw_acceleration, lag_s] = response;
     if (!(acceleration > 0.0 && yaw_acceleration > 0.0 && lag_s >= 0.0))
         throw nb::value_error("response: give positive accelerations and a lag of 0 or more");
@@ -57,12 +61,25 @@ std::unique_ptr<BoundControl> make_control(int num_robots, int num_threads, cons
     setup.limits.max_acceleration = acceleration;
     setup.limits.max_yaw_acceleration = yaw_acceleration;
     setup.limits.lag_s = lag_s;
+    return setup;
+}
+
+std::unique_ptr<BoundControl> make_control(int num_robots, int num_threads, const std::vector<ControlKind> &kinds,
+                                           bool foresee, nb::dict buffers) {
+    if (num_robots < 0 || num_threads < 1) throw nb::value_error("num_robots is negative or num_threads not positive");
+    if (kinds.empty()) throw nb::value_error("kinds: give one or more");
+    std::vector<ControlSetup> setups;
+    std::size_t size = 0;
+    for (const ControlKind &kind : kinds) {
+        setups.push_back(make_setup(kind, foresee));
+        size = std::max(size, static_cast<std::size_t>(control_memory(std::get<2>(kind))));
+    }
     const auto n = static_cast<std::size_t>(num_robots);
-    const auto size = static_cast<std::size_t>(control_memory(controller));
+    const std::int64_t *kind = buffer<std::int64_t>(buffers, "kind", {n});
     double *memory = buffer<double>(buffers, "memory", {n, size});
-    return std::unique_ptr<BoundControl>(new BoundControl{LocalControl(num_robots, num_threads, setup, memory),
-                                                          num_threads,
-                                                          nb::steal<nb::object>(PyDict_Copy(buffers.ptr()))});
+    return std::unique_ptr<BoundControl>(
+        new BoundControl{LocalControl(num_robots, num_threads, std::move(setups), kind, memory), num_threads,
+                         nb::steal<nb::object>(PyDict_Copy(buffers.ptr()))});
 }
 
 } // namespace
@@ -126,6 +143,6 @@ void bind_control(nb::module_ &m) {
         nb::arg("config"));
     m.def("control_memory", &control_memory, nb::arg("controller"));
     nb::class_<BoundControl>(m, "LocalControl")
-        .def(nb::new_(&make_control), nb::arg("num_robots"), nb::arg("num_threads"), nb::arg("robot"),
-             nb::arg("response"), nb::arg("controller"), nb::arg("foresee"), nb::arg("buffers"));
+        .def(nb::new_(&make_control), nb::arg("num_robots"), nb::arg("num_threads"), nb::arg("kinds"),
+             nb::arg("foresee"), nb::arg("buffers"));
 }

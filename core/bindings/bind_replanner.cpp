@@ -1,6 +1,7 @@
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/unique_ptr.h>
+#include <nanobind/stl/vector.h>
 
 #include <string>
 #include <tuple>
@@ -8,6 +9,7 @@
 #include "arrays.hpp"
 #include "bound_control.hpp"
 #include "buffers.hpp"
+#include "kinds.hpp"
 #include "planning/replanner.hpp"
 
 using namespace adrl;
@@ -23,6 +25,7 @@ struct BoundReplanner {
     nb::object keep_alive;
 
     std::size_t robots() const { return static_cast<std::size_t>(native.num_robots()); }
+    void require_kinds_known() const { require_kinds(native.kinds(), robots(), native.num_kinds()); }
     void require_rows(std::size_t rows, const char *name) const {
         if (rows != robots()) throw nb::value_error((std::string(name) + ": give one row a robot").c_str());
     }
@@ -69,24 +72,40 @@ void check(const ReplannerSetup &s) {
         throw nb::value_error("evidence: give -127 <= low <= 0 < high <= 127, hit > -low and miss >= 0");
 }
 
-std::unique_ptr<BoundReplanner> make_replanner(int num_robots, int num_threads, int num_beams, double angle_min,
-                                               double increment, const ReplannerSetup &setup, nb::dict buffers) {
+// Side by side are windows of one shape, and planners whose routes cost alike but for the clearances.
+void require_alike(const ReplannerSetup &one, const ReplannerSetup &other) {
+    const WindowShape &a = one.shape, &b = other.shape;
+    RouteCosts costs = one.costs;
+    costs.inflation = other.costs.inflation;
+    costs.comfort = other.costs.comfort;
+    if (a.height != b.height || a.width != b.width || a.resolution != b.resolution || !(costs == other.costs))
+        throw nb::value_error("setups differ in more than the robot");
+}
+
+std::unique_ptr<BoundReplanner> make_replanner(int num_robots, int num_threads,
+                                               const std::vector<ReplannerSetup> &setups, nb::dict buffers) {
     if (num_robots < 0) throw nb::value_error("num_robots is negative");
-    if (num_beams < 1 || num_beams > 2048) throw nb::value_error("a LiDAR has 1 to 2048 beams");
-    require_finite({angle_min, increment}, "angle_min_rad or angle_increment_rad");
-    check(setup);
+    if (setups.empty()) throw nb::value_error("setups: give one or more");
+    int most_beams = 0;
+    for (const ReplannerSetup &setup : setups) {
+        check(setup);
+        require_alike(setup, setups.front());
+        most_beams = std::max(most_beams, setup.beams.count());
+    }
+    const WindowShape &shape = setups.front().shape;
     const auto n = static_cast<std::size_t>(num_robots);
-    const auto height = static_cast<std::size_t>(setup.shape.height);
-    const auto width = static_cast<std::size_t>(setup.shape.width);
-    const ReplannerBuffers b{buffer<std::int8_t>(buffers, "log_odds", {n, height, width}),
+    const auto height = static_cast<std::size_t>(shape.height);
+    const auto width = static_cast<std::size_t>(shape.width);
+    const ReplannerBuffers b{buffer<std::int64_t>(buffers, "kind", {n}),
+                             most_beams,
+                             buffer<std::int8_t>(buffers, "log_odds", {n, height, width}),
                              buffer<std::int64_t>(buffers, "origin", {n, 2}),
                              buffer<std::uint8_t>(buffers, "parity", {n}),
                              buffer<double>(buffers, "waypoint", {n, 2}),
                              buffer<double>(buffers, "route", {n}),
                              buffer<std::uint8_t>(buffers, "found", {n})};
-    return std::unique_ptr<BoundReplanner>(
-        new BoundReplanner{Replanner(num_robots, num_threads, Beams(num_beams, angle_min, increment), setup, b),
-                           nb::steal<nb::object>(PyDict_Copy(buffers.ptr()))});
+    return std::unique_ptr<BoundReplanner>(new BoundReplanner{Replanner(num_robots, num_threads, setups, b),
+                                                              nb::steal<nb::object>(PyDict_Copy(buffers.ptr()))});
 }
 
 void restart(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose) {
@@ -101,8 +120,9 @@ void observe(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &p
     self.require_rows(mask.shape(0), "mask");
     self.require_points(mask, pose, "pose");
     self.require_rows(ranges.shape(0), "ranges");
-    if (ranges.shape(1) != static_cast<std::size_t>(self.native.num_beams()))
-        throw nb::value_error("ranges: give one column a beam");
+    if (ranges.shape(1) != static_cast<std::size_t>(self.native.num_columns()))
+        throw nb::value_error("ranges: give as many columns as the most beams of a robot");
+    self.require_kinds_known();
     const nb::gil_scoped_release release;
     self.native.observe(mask.data(), pose.data(), ranges.data());
 }
@@ -120,6 +140,7 @@ void plan(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose
     self.require_rows(mask.shape(0), "mask");
     self.require_points(mask, pose, "pose");
     self.require_points(mask, goal, "goal");
+    self.require_kinds_known();
     const nb::gil_scoped_release release;
     self.native.plan(mask.data(), pose.data(), goal.data());
 }
@@ -130,6 +151,7 @@ void plan_routes(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3
     self.require_points(mask, pose, "pose");
     self.require_points(mask, goal, "goal");
     const RouteCorners routes = corners_of(self, corners, counts);
+    self.require_kinds_known();
     const nb::gil_scoped_release release;
     self.native.plan(mask.data(), pose.data(), goal.data(), &routes);
 }
@@ -149,6 +171,8 @@ void drive_routes(BoundReplanner &self, BoundControl &control, const Flat8 &mask
         if (mask.data()[i] && (routes.count[i] < 1 || routes.count[i] > kRouteCorners))
             throw nb::value_error(("counts: a route has 1 to " + std::to_string(kRouteCorners) + " corners").c_str());
     }
+    self.require_kinds_known();
+    control.require_kinds_known();
     const nb::gil_scoped_release release;
     control.native.on_maps(self.native, mask.data(), pose.data(), twist.data(), routes, along.data(), out.data());
 }
@@ -159,6 +183,7 @@ void see(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose,
     self.require_rows(out.shape(0), "out");
     self.require_points(mask, pose, "pose");
     self.require_points(mask, point, "point");
+    self.require_kinds_known();
     const nb::gil_scoped_release release;
     self.native.see(mask.data(), pose.data(), point.data(), distance, known, out.data());
 }
@@ -214,10 +239,14 @@ void bind_replanner(nb::module_ &m) {
         .def(
             "__init__",
             [](ReplannerSetup *self, int height, int width, double resolution, const Evidence &evidence,
-               std::tuple<double, double, double> mount, double max_range, double reach, double body_radius,
-               const RouteCosts &costs, const WaypointRules &waypoint) {
+               std::tuple<int, double, double> beams, std::tuple<double, double, double> mount, double max_range,
+               double reach, double body_radius, const RouteCosts &costs, const WaypointRules &waypoint) {
+                const auto [num_beams, angle_min, increment] = beams;
+                if (num_beams < 1 || num_beams > 2048) throw nb::value_error("a LiDAR has 1 to 2048 beams");
+                require_finite({angle_min, increment}, "beams");
                 require_finite({std::get<0>(mount), std::get<1>(mount), std::get<2>(mount)}, "mount");
                 new (self) ReplannerSetup{{height, width, resolution},
+                                          Beams(num_beams, angle_min, increment),
                                           evidence,
                                           {std::get<0>(mount), std::get<1>(mount), std::get<2>(mount)},
                                           max_range,
@@ -227,11 +256,11 @@ void bind_replanner(nb::module_ &m) {
                                           waypoint};
             },
             nb::kw_only(), nb::arg("height"), nb::arg("width"), nb::arg("resolution_m"), nb::arg("evidence"),
-            nb::arg("mount"), nb::arg("max_range_m"), nb::arg("reach_m"), nb::arg("body_radius_m"), nb::arg("costs"),
-            nb::arg("waypoint"));
+            nb::arg("beams"), nb::arg("mount"), nb::arg("max_range_m"), nb::arg("reach_m"), nb::arg("body_radius_m"),
+            nb::arg("costs"), nb::arg("waypoint"));
     nb::class_<BoundReplanner>(m, "Replanner")
-        .def(nb::new_(&make_replanner), nb::arg("num_robots"), nb::arg("num_threads"), nb::arg("num_beams"),
-             nb::arg("angle_min_rad"), nb::arg("angle_increment_rad"), nb::arg("setup"), nb::arg("buffers"))
+        .def(nb::new_(&make_replanner), nb::arg("num_robots"), nb::arg("num_threads"), nb::arg("setups"),
+             nb::arg("buffers"))
         .def("restart", &restart, nb::arg("mask").noconvert(), nb::arg("pose").noconvert())
         .def("observe", &observe, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(),
              nb::arg("ranges").noconvert())

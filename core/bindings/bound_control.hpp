@@ -3,9 +3,14 @@
 
 #include "arrays.hpp"
 #include "control/local_control.hpp"
+#include "kinds.hpp"
 
 struct BoundControl {
     adrl::LocalControl native;
     int num_threads;
     nb::object keep_alive;
+
+    void require_kinds_known() const {
+        require_kinds(native.kinds(), static_cast<std::size_t>(native.num_robots()), native.num_kinds());
+    }
 };

@@ -33,23 +33,26 @@ int control_memory(const ControllerConfig &config) {
     return kRecoveryMemory + (mppi == nullptr ? 0 : mppi_memory(*mppi));
 }
 
-LocalControl::LocalControl(int num_robots, int num_threads, ControlSetup setup, double *memory)
-    : num_robots_(num_robots), setup_(std::move(setup)), memory_(memory) {
+LocalControl::LocalControl(int num_robots, int num_threads, std::vector<ControlSetup> setups, const std::int64_t *kind,
+                           double *memory)
+    : num_robots_(num_robots), setups_(std::move(setups)), kind_(kind), memory_(memory) {
+    for (const ControlSetup &one : setups_) memory_size_ = std::max(memory_size_, control_memory(one.controller));
     for (int k = 0; k < num_threads; ++k) {
         auto scratch = std::make_unique<Scratch>();
-        scratch->controller = make_controller(setup_.controller, setup_.footprint, setup_.limits, setup_.dt_s);
+        for (const ControlSetup &one : setups_)
+            scratch->controllers.push_back(make_controller(one.controller, one.footprint, one.limits, one.dt_s));
         scratch->path.reserve(kRouteCorners);
         stock_.add(std::move(scratch));
     }
-    memory_size_ = control_memory(setup_.controller);
 }
 
 Twist LocalControl::in_world(int i, const Moving &moving, const Path &path, double along, const DriveLimits &limits,
                              const Pose &pose, const Twist &twist, double time_s) {
     auto borrowed = stock_.borrow();
     Scratch &scratch = *borrowed;
-    const double reach = scratch.controller->reach(setup_.footprint, limits, setup_.dt_s);
-    scratch.obstacles.gather(moving, pose, reach, time_s, setup_.foresee);
+    const ControlSetup &setup = setups_[kind_[i]];
+    const double reach = scratch.controllers[kind_[i]]->reach(setup.footprint, limits, setup.dt_s);
+    scratch.obstacles.gather(moving, pose, reach, time_s, setup.foresee);
     return decide(i, scratch, limits, pose, twist, path, along);
 }
 
@@ -58,15 +61,16 @@ void LocalControl::on_maps(Replanner &maps, const std::uint8_t *mask, const doub
     maps.pool().run(num_robots_, [&](int first, int last) {
         auto borrowed = stock_.borrow();
         Scratch &scratch = *borrowed;
-        const double reach = scratch.controller->reach(setup_.footprint, setup_.limits, setup_.dt_s);
         for (int i = first; i < last; ++i) {
             if (!mask[i]) continue;
+            const ControlSetup &setup = setups_[kind_[i]];
+            const double reach = scratch.controllers[kind_[i]]->reach(setup.footprint, setup.limits, setup.dt_s);
             const Pose at{pose[3 * i], pose[3 * i + 1], pose[3 * i + 2]};
             scratch.obstacles.gather(maps.window(i), maps.shape(), maps.origin(i), at, reach);
             scratch.path.assign(routes.of(i));
-            along[i] = come_along(scratch.path, {at.x, at.y}, along[i], kRouteWindow, setup_.limits.is_car());
+            along[i] = come_along(scratch.path, {at.x, at.y}, along[i], kRouteWindow, setup.limits.is_car());
             const Twist now{twist[2 * i], twist[2 * i + 1]};
-            const Twist command = decide(i, scratch, setup_.limits, at, now, scratch.path, along[i]);
+            const Twist command = decide(i, scratch, setup.limits, at, now, scratch.path, along[i]);
             out[2 * i] = command.v;
             out[2 * i + 1] = command.w;
         }
@@ -75,12 +79,13 @@ void LocalControl::on_maps(Replanner &maps, const std::uint8_t *mask, const doub
 
 Twist LocalControl::decide(int i, Scratch &scratch, const DriveLimits &limits, const Pose &pose, const Twist &twist,
                            const Path &path, double along) {
+    const ControlSetup &setup = setups_[kind_[i]];
     const bool car = limits.is_car();
     const double stop = led_to(path, along, car);
     const double gear = car && limits.min_speed < 0.0 ? gear_on(path, along, stop, pose) : 1.0;
-    const Situation now{scratch.obstacles, setup_.footprint, limits, pose, twist, path, along, stop, gear, setup_.dt_s};
+    const Situation now{scratch.obstacles, setup.footprint, limits, pose, twist, path, along, stop, gear, setup.dt_s};
     double *memory = memory_ + static_cast<std::ptrdiff_t>(i) * memory_size_;
-    const Twist chosen = scratch.controller->command(now, memory + kRecoveryMemory);
+    const Twist chosen = scratch.controllers[kind_[i]]->command(now, memory + kRecoveryMemory);
     return clip_command(recover(now, chosen, memory), limits);
 }
 

@@ -1,9 +1,11 @@
-// Local controllers of N robots of one kind: each is told what its robot knows, the true world or a map of its own.
+// Local controllers of N robots of several kinds: each is told what its robot knows, the true world or a map of its
+// own.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <variant>
+#include <vector>
 
 #include "control/controller.hpp"
 #include "control/dwa.hpp"
@@ -31,11 +33,15 @@ struct ControlSetup {
 
 class LocalControl {
   public:
-    // memory (N, control_memory()): all that changes, owned by the caller; zeros for robots that have just started.
-    // Decisions of at most num_threads robots are made at once.
-    LocalControl(int num_robots, int num_threads, ControlSetup setup, double *memory);
+    // kind (N): which of the setups is each robot's. memory (N, the most of their control_memory()): all that changes,
+    // zeros for robots that have just started. Both are the caller's. Decisions of at most num_threads robots are made
+    // at once.
+    LocalControl(int num_robots, int num_threads, std::vector<ControlSetup> setups, const std::int64_t *kind,
+                 double *memory);
 
     int num_robots() const { return num_robots_; }
+    std::size_t num_kinds() const { return setups_.size(); }
+    const std::int64_t *kinds() const { return kind_; }
     // Robot i on a path in a known world. limits: of its base, as it is today. moving: what it knows of what moves
     // there.
     Twist in_world(int i, const Moving &moving, const Path &path, double along, const DriveLimits &limits,
@@ -47,7 +53,7 @@ class LocalControl {
 
   private:
     struct Scratch {
-        std::unique_ptr<LocalController> controller;
+        std::vector<std::unique_ptr<LocalController>> controllers; // one a kind
         NearObstacles obstacles;
         Path path;
     };
@@ -56,7 +62,8 @@ class LocalControl {
                  const Path &path, double along);
 
     int num_robots_;
-    ControlSetup setup_;
+    std::vector<ControlSetup> setups_;
+    const std::int64_t *kind_;
     int memory_size_ = 0;
     double *memory_;
     Stock<Scratch> stock_; // one a thread

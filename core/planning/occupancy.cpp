@@ -43,6 +43,15 @@ void shift(std::int8_t *cells, const WindowShape &shape, std::int64_t down, std:
     }
 }
 
+// A beam sees no farther than its two neighbours.
+double free_range(const Scanner &scanner, const float *ranges, int i) {
+    const int last = static_cast<int>(scanner.local_x.size()) - 1;
+    const auto at = [&](int k) { return ranges[k] > 0.0F ? static_cast<double>(ranges[k]) : 0.0; };
+    const double before = i > 0 ? at(i - 1) : (scanner.full_circle ? at(last) : at(i));
+    const double after = i < last ? at(i + 1) : (scanner.full_circle ? at(0) : at(i));
+    return std::min({before, at(i), after, scanner.reach});
+}
+
 } // namespace
 
 void clear_window(std::int8_t *log_odds, const WindowShape &shape, WindowOrigin &origin, Vec2 robot) {
@@ -129,55 +138,52 @@ bool corridor_seen_free(const std::int8_t *log_odds, const WindowShape &shape, c
     });
 }
 
-ScanIntegrator::ScanIntegrator(const WindowShape &shape, const Evidence &evidence, const Beams &beams,
-                               const Pose &mount, double max_range, double reach, double body_radius)
-    : shape_(shape), evidence_(evidence), mount_(mount), max_range_(max_range), reach_(std::min(reach, max_range)),
-      body_radius_(body_radius),
-      full_circle_(beams.uniform() && beams.increment() * (beams.count() + 0.5) >= 2.0 * std::numbers::pi),
-      directions_(beams.count()), mark_(static_cast<std::size_t>(shape.height) * shape.width) {
+Scanner::Scanner(const Evidence &counts, const Beams &beams, const Pose &at, double most, double wanted, double body)
+    : evidence(counts), mount(at), max_range(most), reach(std::min(wanted, most)), body_radius(body),
+      full_circle(beams.uniform() && beams.increment() * (beams.count() + 0.5) >= 2.0 * std::numbers::pi) {
     const double c = std::cos(mount.theta);
     const double s = std::sin(mount.theta);
     for (int i = 0; i < beams.count(); ++i) {
-        local_x_.push_back(c * beams.dx()[i] - s * beams.dy()[i]);
-        local_y_.push_back(s * beams.dx()[i] + c * beams.dy()[i]);
+        local_x.push_back(c * beams.dx()[i] - s * beams.dy()[i]);
+        local_y.push_back(s * beams.dx()[i] + c * beams.dy()[i]);
     }
 }
 
-void ScanIntegrator::integrate(std::int8_t *log_odds, const WindowOrigin &origin, const Pose &robot,
-                               const float *ranges, int parity) {
+ScanIntegrator::ScanIntegrator(const WindowShape &shape, int most_beams)
+    : shape_(shape), mark_(static_cast<std::size_t>(shape.height) * shape.width) {
+    directions_.reserve(most_beams);
+}
+
+void ScanIntegrator::integrate(const Scanner &scanner, std::int8_t *log_odds, const WindowOrigin &origin,
+                               const Pose &robot, const float *ranges, int parity) {
     if (++epoch_ == 0) {
         std::fill(mark_.begin(), mark_.end(), 0);
         epoch_ = 1;
     }
     const double c = std::cos(robot.theta);
     const double s = std::sin(robot.theta);
-    const int count = static_cast<int>(directions_.size());
+    const int count = static_cast<int>(scanner.local_x.size());
+    directions_.resize(count);
     for (int i = 0; i < count; ++i) {
-        directions_[i] = {c * local_x_[i] - s * local_y_[i], s * local_x_[i] + c * local_y_[i]};
+        directions_[i] = {c * scanner.local_x[i] - s * scanner.local_y[i],
+                          s * scanner.local_x[i] + c * scanner.local_y[i]};
     }
     const auto in_window = [&](Vec2 p) {
         return Vec2{p.x / shape_.resolution - static_cast<double>(origin.column),
                     p.y / shape_.resolution - static_cast<double>(origin.row)};
     };
-    const Vec2 sensor = in_window(to_world(robot, {mount_.x, mount_.y}));
-    enter_hits(log_odds, sensor, ranges);
+    const Vec2 sensor = in_window(to_world(robot, {scanner.mount.x, scanner.mount.y}));
+    enter_hits(scanner, log_odds, sensor, ranges);
     for (int i = parity & 1; i < count; i += 2) {
         // The cell before the hit may hold a part of what was hit.
-        trace(log_odds, sensor, directions_[i], free_range(ranges, i) / shape_.resolution - 1.0);
+        trace(scanner.evidence, log_odds, sensor, directions_[i],
+              free_range(scanner, ranges, i) / shape_.resolution - 1.0);
     }
-    free_body(log_odds, in_window({robot.x, robot.y}));
+    free_body(scanner, log_odds, in_window({robot.x, robot.y}));
 }
 
-double ScanIntegrator::free_range(const float *ranges, int i) const {
-    const int last = static_cast<int>(directions_.size()) - 1;
-    const auto at = [&](int k) { return ranges[k] > 0.0F ? static_cast<double>(ranges[k]) : 0.0; };
-    const double before = i > 0 ? at(i - 1) : (full_circle_ ? at(last) : at(i));
-    const double after = i < last ? at(i + 1) : (full_circle_ ? at(0) : at(i));
-    return std::min({before, at(i), after, reach_});
-}
-
-void ScanIntegrator::enter_hits(std::int8_t *log_odds, Vec2 sensor, const float *ranges) {
-    const double limit = std::min(reach_, max_range_ - 1e-4);
+void ScanIntegrator::enter_hits(const Scanner &scanner, std::int8_t *log_odds, Vec2 sensor, const float *ranges) {
+    const double limit = std::min(scanner.reach, scanner.max_range - 1e-4);
     for (std::size_t i = 0; i < directions_.size(); ++i) {
         const double range = ranges[i];
         if (!(range > 0.0 && range < limit)) continue;
@@ -188,11 +194,13 @@ void ScanIntegrator::enter_hits(std::int8_t *log_odds, Vec2 sensor, const float 
             static_cast<std::size_t>(hit.y) * static_cast<std::size_t>(shape_.width) + static_cast<std::size_t>(hit.x);
         if (mark_[cell] == epoch_) continue;
         mark_[cell] = epoch_;
-        log_odds[cell] = static_cast<std::int8_t>(std::min(log_odds[cell] + evidence_.hit, evidence_.high));
+        log_odds[cell] =
+            static_cast<std::int8_t>(std::min(log_odds[cell] + scanner.evidence.hit, scanner.evidence.high));
     }
 }
 
-void ScanIntegrator::trace(std::int8_t *log_odds, Vec2 sensor, Vec2 direction, double length) {
+void ScanIntegrator::trace(const Evidence &evidence, std::int8_t *log_odds, Vec2 sensor, Vec2 direction,
+                           double length) {
     // One cell for every step of the longer axis.
     const double longer = std::max(std::abs(direction.x), std::abs(direction.y));
     const Vec2 step = (1.0 / longer) * direction;
@@ -214,12 +222,12 @@ void ScanIntegrator::trace(std::int8_t *log_odds, Vec2 sensor, Vec2 direction, d
         const std::size_t cell = static_cast<std::size_t>(y >> 16) * shape_.width + (x >> 16);
         if (mark_[cell] == epoch_) continue;
         mark_[cell] = epoch_;
-        log_odds[cell] = static_cast<std::int8_t>(std::max(log_odds[cell] - evidence_.miss, evidence_.low));
+        log_odds[cell] = static_cast<std::int8_t>(std::max(log_odds[cell] - evidence.miss, evidence.low));
     }
 }
 
-void ScanIntegrator::free_body(std::int8_t *log_odds, Vec2 robot) {
-    const double radius = body_radius_ / shape_.resolution - 0.75; // whole cells under the robot only
+void ScanIntegrator::free_body(const Scanner &scanner, std::int8_t *log_odds, Vec2 robot) {
+    const double radius = scanner.body_radius / shape_.resolution - 0.75; // whole cells under the robot only
     if (radius < 0.0) return;
     const auto first = [&](double at) { return std::max(0, static_cast<int>(std::floor(at - radius))); };
     const auto last = [&](double at, int side) {
@@ -228,7 +236,8 @@ void ScanIntegrator::free_body(std::int8_t *log_odds, Vec2 robot) {
     for (int row = first(robot.y); row <= last(robot.y, shape_.height); ++row) {
         for (int column = first(robot.x); column <= last(robot.x, shape_.width); ++column) {
             if (norm(Vec2{column + 0.5, row + 0.5} - robot) > radius) continue;
-            log_odds[static_cast<std::size_t>(row) * shape_.width + column] = static_cast<std::int8_t>(evidence_.low);
+            log_odds[static_cast<std::size_t>(row) * shape_.width + column] =
+                static_cast<std::int8_t>(scanner.evidence.low);
         }
     }
 }

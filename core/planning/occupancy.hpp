@@ -43,35 +43,40 @@ void follow_robot(std::int8_t *log_odds, const WindowShape &shape, WindowOrigin 
 bool corridor_seen_free(const std::int8_t *log_odds, const WindowShape &shape, const WindowOrigin &origin, Vec2 from,
                         Vec2 to, double radius, bool known = false);
 
-// Enters scans into windows. Owns the scratch: one a thread.
+// Whose scans they are, and what they count for.
+struct Scanner {
+    // Hits farther than `reach` are left out: the window is small. Cells within body_radius of the robot are free.
+    Scanner(const Evidence &evidence, const Beams &beams, const Pose &mount, double max_range, double reach,
+            double body_radius);
+
+    Evidence evidence;
+    Pose mount;
+    double max_range;
+    double reach;
+    double body_radius;
+    bool full_circle;
+    std::vector<double> local_x, local_y; // beam directions in the robot's frame
+};
+
+// Enters scans into windows, for robots of any kind. Owns the scratch: one a thread.
 class ScanIntegrator {
   public:
-    // Hits farther than `reach` are left out: the window is small. Cells within body_radius of the robot are free.
-    ScanIntegrator(const WindowShape &shape, const Evidence &evidence, const Beams &beams, const Pose &mount,
-                   double max_range, double reach, double body_radius);
+    ScanIntegrator(const WindowShape &shape, int most_beams);
 
     // ranges (K). Each cell gets evidence once a scan, and a hit outweighs beams that pass: a wall seen at a grazing
     // angle is not worn away. For the same reason a beam sees no farther than its two neighbours. A range that is not
     // positive, or NaN, tells nothing. Every second beam is traced, by turns (parity 0 or 1); all hits are entered.
-    void integrate(std::int8_t *log_odds, const WindowOrigin &origin, const Pose &robot, const float *ranges,
-                   int parity);
+    void integrate(const Scanner &scanner, std::int8_t *log_odds, const WindowOrigin &origin, const Pose &robot,
+                   const float *ranges, int parity);
 
   private:
-    double free_range(const float *ranges, int i) const;
-    void enter_hits(std::int8_t *log_odds, Vec2 sensor, const float *ranges);
-    void trace(std::int8_t *log_odds, Vec2 sensor, Vec2 direction, double length);
-    void free_body(std::int8_t *log_odds, Vec2 robot);
+    void enter_hits(const Scanner &scanner, std::int8_t *log_odds, Vec2 sensor, const float *ranges);
+    void trace(const Evidence &evidence, std::int8_t *log_odds, Vec2 sensor, Vec2 direction, double length);
+    void free_body(const Scanner &scanner, std::int8_t *log_odds, Vec2 robot);
 
     WindowShape shape_;
-    Evidence evidence_;
-    Pose mount_;
-    double max_range_;
-    double reach_;
-    double body_radius_;
-    bool full_circle_;
-    std::vector<double> local_x_, local_y_; // beam directions in the robot's frame
-    std::vector<Vec2> directions_;          // in the world, of the scan at hand
-    std::vector<std::uint8_t> mark_;        // equal to epoch_ where this scan has left evidence
+    std::vector<Vec2> directions_;   // of the beams in the world, of the scan at hand
+    std::vector<std::uint8_t> mark_; // equal to epoch_ where this scan has left evidence
     std::uint8_t epoch_ = 0;
 };
 

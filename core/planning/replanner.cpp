@@ -21,14 +21,19 @@ Cell cell_of(Vec2 p, const WindowShape &shape, const WindowOrigin &origin) {
 
 } // namespace
 
-Replanner::Replanner(int num_robots, int num_threads, const Beams &beams, const ReplannerSetup &setup,
+Replanner::Replanner(int num_robots, int num_threads, const std::vector<ReplannerSetup> &setups,
                      ReplannerBuffers buffers)
-    : num_robots_(num_robots), num_beams_(beams.count()), setup_(setup), b_(buffers), pool_(num_threads) {
-    const WindowShape &shape = setup.shape;
+    : num_robots_(num_robots), shape_(setups.front().shape), b_(buffers), pool_(num_threads) {
+    RouteCosts widest = setups.front().costs; // room for it is room for all
+    for (const ReplannerSetup &one : setups) {
+        kinds_.push_back({Scanner(one.evidence, one.beams, one.mount, one.max_range, one.reach, one.body_radius),
+                          one.costs, one.waypoint});
+        if (one.costs.inflation + one.costs.comfort > widest.inflation + widest.comfort) widest = one.costs;
+    }
     for (int k = 0; k < pool_.size(); ++k) {
-        stock_.add(std::make_unique<Scratch>(Scratch{
-            ScanIntegrator(shape, setup.evidence, beams, setup.mount, setup.max_range, setup.reach, setup.body_radius),
-            RoutePlanner(shape.height, shape.width, shape.resolution, setup.costs)}));
+        stock_.add(
+            std::make_unique<Scratch>(Scratch{ScanIntegrator(shape_, b_.num_columns),
+                                              RoutePlanner(shape_.height, shape_.width, shape_.resolution, widest)}));
     }
 }
 
@@ -36,7 +41,7 @@ void Replanner::restart(const std::uint8_t *mask, const double *pose) {
     for (int i = 0; i < num_robots_; ++i) {
         if (!mask[i]) continue;
         WindowOrigin at;
-        clear_window(cells(i), setup_.shape, at, {pose[3 * i], pose[3 * i + 1]});
+        clear_window(cells(i), shape_, at, {pose[3 * i], pose[3 * i + 1]});
         store_origin(i, at);
         b_.parity[i] = 0;
     }
@@ -49,10 +54,10 @@ void Replanner::observe(const std::uint8_t *mask, const double *pose, const floa
             if (!mask[i]) continue;
             const Pose at = pose_at(pose, i);
             WindowOrigin window = origin(i);
-            follow_robot(cells(i), setup_.shape, window, {at.x, at.y});
+            follow_robot(cells(i), shape_, window, {at.x, at.y});
             store_origin(i, window);
-            scratch->integrator.integrate(cells(i), window, at, ranges + static_cast<std::ptrdiff_t>(i) * num_beams_,
-                                          b_.parity[i]);
+            scratch->integrator.integrate(kind_of(i).scanner, cells(i), window, at,
+                                          ranges + static_cast<std::ptrdiff_t>(i) * b_.num_columns, b_.parity[i]);
             b_.parity[i] ^= 1U;
         }
     });
@@ -69,14 +74,16 @@ void Replanner::plan(const std::uint8_t *mask, const double *pose, const double 
 
 void Replanner::plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 goal, const RouteCorners *routes) {
     const WindowOrigin window = origin(i);
-    const Cell start = cell_of({pose.x, pose.y}, setup_.shape, window);
-    const Route route = planner.plan(cells(i), start, cell_of(goal, setup_.shape, window), pose.theta);
+    const Kind &kind = kind_of(i);
+    planner.use(kind.costs);
+    const Cell start = cell_of({pose.x, pose.y}, shape_, window);
+    const Route route = planner.plan(cells(i), start, cell_of(goal, shape_, window), pose.theta);
     if (route.cells->size() < 2 && !route.reached) {
         b_.found[i] = 0;
         return;
     }
     const Waypoint chosen =
-        choose_waypoint(planner, setup_.costs, setup_.waypoint, route, cells(i), setup_.shape, window, pose, goal);
+        choose_waypoint(planner, kind.costs, kind.waypoint, route, cells(i), shape_, window, pose, goal);
     b_.waypoint[2 * i] = chosen.point.x;
     b_.waypoint[2 * i + 1] = chosen.point.y;
     b_.route[i] = chosen.route;
@@ -92,7 +99,7 @@ void Replanner::plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 go
     add({pose.x, pose.y});
     const std::vector<Cell> &cells = *route.cells;
     walk_taut(planner, cells, [&](std::size_t, std::size_t b) {
-        add(b + 1 == cells.size() && route.reached ? goal : centre_of(cells[b], setup_.shape, window));
+        add(b + 1 == cells.size() && route.reached ? goal : centre_of(cells[b], shape_, window));
     });
     routes->count[i] = count;
 }
@@ -106,7 +113,7 @@ void Replanner::see(const std::uint8_t *mask, const double *pose, const double *
             const Vec2 way = point_at(point, i) - from;
             const double length = norm(way);
             const Vec2 to = length > distance ? from + (distance / length) * way : from + way;
-            out[i] = corridor_seen_free(cells(i), setup_.shape, origin(i), from, to, setup_.waypoint.corridor, known);
+            out[i] = corridor_seen_free(cells(i), shape_, origin(i), from, to, kind_of(i).waypoint.corridor, known);
         }
     });
 }

@@ -14,8 +14,10 @@
 
 namespace adrl {
 
+// Of robots of one kind. Those side by side have windows of one shape, and costs that differ in clearances alone.
 struct ReplannerSetup {
     WindowShape shape;
+    Beams beams{1, 0.0, 0.0};
     Evidence evidence;
     Pose mount; // of the LiDAR, in the robot's frame
     double max_range = 6.0;
@@ -27,12 +29,14 @@ struct ReplannerSetup {
 
 // Row i belongs to robot i.
 struct ReplannerBuffers {
-    std::int8_t *log_odds; // (N, H, W)
-    std::int64_t *origin;  // (N, 2) lattice row, column of each window
-    std::uint8_t *parity;  // (N) which half of the beams the next scan traces
-    double *waypoint;      // (N, 2) where to head for, metres
-    double *route;         // (N) metres of route from the robot to its end
-    std::uint8_t *found;   // (N) 0 no route, 1 to the goal, 2 to the reachable cell nearest to it
+    const std::int64_t *kind; // (N) what each robot is, by its number
+    int num_columns;          // K of the scans, the most beams of any kind
+    std::int8_t *log_odds;    // (N, H, W)
+    std::int64_t *origin;     // (N, 2) lattice row, column of each window
+    std::uint8_t *parity;     // (N) which half of the beams the next scan traces
+    double *waypoint;         // (N, 2) where to head for, metres
+    double *route;            // (N) metres of route from the robot to its end
+    std::uint8_t *found;      // (N) 0 no route, 1 to the goal, 2 to the reachable cell nearest to it
 };
 
 inline constexpr int kRouteCorners = 64; // of a route, at most; a longer one is cut off
@@ -48,13 +52,14 @@ struct RouteCorners {
 
 class Replanner {
   public:
-    Replanner(int num_robots, int num_threads, const Beams &beams, const ReplannerSetup &setup,
-              ReplannerBuffers buffers);
+    Replanner(int num_robots, int num_threads, const std::vector<ReplannerSetup> &setups, ReplannerBuffers buffers);
 
     int num_robots() const { return num_robots_; }
-    int num_beams() const { return num_beams_; }
+    int num_columns() const { return b_.num_columns; }
+    std::size_t num_kinds() const { return kinds_.size(); }
+    const std::int64_t *kinds() const { return b_.kind; }
     ThreadPool &pool() { return pool_; }
-    const WindowShape &shape() const { return setup_.shape; }
+    const WindowShape &shape() const { return shape_; }
     const std::int8_t *window(int i) const { return cells(i); }
     WindowOrigin origin(int i) const { return {b_.origin[2 * i], b_.origin[2 * i + 1]}; }
     // Forgets what the robots of the mask (N) have seen and puts them, at poses (N, 3), in their windows' middles.
@@ -70,23 +75,28 @@ class Replanner {
              std::uint8_t *out);
 
   private:
+    struct Kind {
+        Scanner scanner;
+        RouteCosts costs;
+        WaypointRules waypoint;
+    };
     struct Scratch {
         ScanIntegrator integrator;
         RoutePlanner planner;
     };
 
     void plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 goal, const RouteCorners *routes);
-    std::int8_t *cells(int i) const {
-        return b_.log_odds + static_cast<std::size_t>(i) * setup_.shape.height * setup_.shape.width;
-    }
+    std::int8_t *cells(int i) const { return b_.log_odds + static_cast<std::size_t>(i) * shape_.height * shape_.width; }
     void store_origin(int i, const WindowOrigin &o) {
         b_.origin[2 * i] = o.row;
         b_.origin[2 * i + 1] = o.column;
     }
 
+    const Kind &kind_of(int i) const { return kinds_[static_cast<std::size_t>(b_.kind[i])]; }
+
     int num_robots_;
-    int num_beams_;
-    ReplannerSetup setup_;
+    WindowShape shape_;
+    std::vector<Kind> kinds_;
     ReplannerBuffers b_;
     ThreadPool pool_;
     Stock<Scratch> stock_; // one a thread

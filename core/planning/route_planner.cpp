@@ -82,16 +82,7 @@ RoutePlanner::RoutePlanner(int height, int width, double resolution, const Route
       queue_(queue_span(costs, resolution), static_cast<std::size_t>(height) * width) {
     const auto cells = static_cast<std::size_t>(height) * width;
     const auto padded = static_cast<std::size_t>(height + 2) * stride_;
-    // The tolerance lets a cell pass whose clearance is the inflation but for rounding.
-    const double needed = costs.inflation / resolution - 1e-6;
-    const double comfort = std::max(costs.comfort / resolution, 1e-9);
-    for (int d2 = 0; d2 <= limit_ * limit_; ++d2) {
-        const double spare = (std::sqrt(d2) - costs.inflation / resolution) / comfort;
-        const double density = std::clamp(1.0 - spare, 0.0, 1.0);
-        level_of_.push_back(std::sqrt(d2) >= needed && d2 > 0
-                                ? static_cast<std::uint8_t>(1 + std::lround(254.0 * density))
-                                : std::uint8_t{0});
-    }
+    level();
     density_of_.push_back(1.0); // blocked
     for (int level = 1; level < 256; ++level) density_of_.push_back((level - 1) / 254.0);
     for (const double density : density_of_) price_of_.push_back(costs.k_obstacle * density);
@@ -100,7 +91,6 @@ RoutePlanner::RoutePlanner(int height, int width, double resolution, const Route
     turn_straight_ = static_cast<std::uint32_t>(std::lround(eighth + curved));
     turn_diagonal_ = static_cast<std::uint32_t>(std::lround(eighth + curved * std::numbers::sqrt2));
     column_.resize(cells);
-    row_.assign(static_cast<std::size_t>(width) + 2 * limit_, static_cast<std::uint16_t>(limit_ * limit_));
     clearance2_.resize(cells);
     level_.assign(padded, 0);
     runs_.reserve(cells / 2 + height);
@@ -117,6 +107,30 @@ RoutePlanner::RoutePlanner(int height, int width, double resolution, const Route
     cells_.reserve(cells);
     to_go_.reserve(cells);
     for (int m = 0; m < 8; ++m) offset_[m] = kRow[m] * stride_ + kColumn[m];
+}
+
+void RoutePlanner::use(const RouteCosts &costs) {
+    if (costs.inflation == costs_.inflation && costs.comfort == costs_.comfort) return;
+    costs_.inflation = costs.inflation;
+    costs_.comfort = costs.comfort;
+    limit_ = limit_cells(costs, resolution_);
+    level();
+}
+
+// What each clearance is worth.
+void RoutePlanner::level() {
+    // The tolerance lets a cell pass whose clearance is the inflation but for rounding.
+    const double needed = costs_.inflation / resolution_ - 1e-6;
+    const double comfort = std::max(costs_.comfort / resolution_, 1e-9);
+    level_of_.clear();
+    for (int d2 = 0; d2 <= limit_ * limit_; ++d2) {
+        const double spare = (std::sqrt(d2) - costs_.inflation / resolution_) / comfort;
+        const double density = std::clamp(1.0 - spare, 0.0, 1.0);
+        level_of_.push_back(std::sqrt(d2) >= needed && d2 > 0
+                                ? static_cast<std::uint8_t>(1 + std::lround(254.0 * density))
+                                : std::uint8_t{0});
+    }
+    row_.assign(static_cast<std::size_t>(width_) + 2 * limit_, static_cast<std::uint16_t>(limit_ * limit_));
 }
 
 void RoutePlanner::measure(const std::int8_t *log_odds) {

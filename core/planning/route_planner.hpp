@@ -22,6 +22,7 @@ struct RouteCosts {
     double k_turn = 0.3;
     double turn = 0.1;     // lambda: metres that a radian of turning costs
     bool headings = false; // heading in the state: Cost_kin and rho are part of the search. Otherwise both are left out
+    bool operator==(const RouteCosts &) const = default;
 };
 
 struct Route {
@@ -42,6 +43,10 @@ class RoutePlanner {
     static constexpr double kMaxTurn = 10.0;
 
     RoutePlanner(int height, int width, double resolution, const RouteCosts &costs);
+
+    // Plans with other clearances from now on, inflation and comfort; all else as the planner was made for. Allocates
+    // nothing where they sum to no more than those it was made for.
+    void use(const RouteCosts &costs);
 
     // log_odds (height x width): solid above 0. The route to a goal outside of the window, or one that is shut off
     // within it, ends in the border cell from which the octile rest of the way is least in all. Where the border is
@@ -72,6 +77,7 @@ class RoutePlanner {
     bool on_border(Cell c) const {
         return c.row == 0 || c.column == 0 || c.row == height_ - 1 || c.column == width_ - 1;
     }
+    void level();
     void measure(const std::int8_t *log_odds);
     void free_around(Cell start);
     void aim(Cell start, Cell goal);

@@ -48,9 +48,8 @@ ADRL_CLONES void copy_ranges(const double *exact, int count, float *out) {
 
 } // namespace
 
-BatchSim::BatchSim(int num_envs, int num_threads, Robot robot, SimConfig config, SimBuffers buffers)
-    : num_envs_(num_envs), robot_(std::move(robot)), config_(config), rules_(guide_rules(robot_, config)), b_(buffers),
-      tasks_(num_envs), pool_(num_threads) {}
+BatchSim::BatchSim(int num_envs, int num_threads, std::vector<SimKind> kinds, SimBuffers buffers)
+    : num_envs_(num_envs), kinds_(std::move(kinds)), b_(buffers), tasks_(num_envs), pool_(num_threads) {}
 
 void BatchSim::reset(const std::uint8_t *mask) {
     pool_.run(num_envs_, [&](int first, int last) {
@@ -81,10 +80,12 @@ void BatchSim::plan(LocalControl &control, double *out) {
         for (int i = first; i < last; ++i) {
             if (!b_.active[i] || !tasks_[i]) continue;
             const Task &task = *tasks_[i];
-            const DriveLimits limits = limits_of(robot_, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
+            const SimKind &kind = kind_of(i);
+            const DriveLimits limits = limits_of(kind.robot, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);
             const Moment then = when_acted(i, limits);
             const double here = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
-            const double along = come_along(task.path, {then.pose.x, then.pose.y}, here, rules_.window, rules_.car);
+            const double along =
+                come_along(task.path, {then.pose.x, then.pose.y}, here, kind.rules.window, kind.rules.car);
             const Twist command =
                 control.in_world(i, moving(i), task.path, along, limits, then.pose, then.twist, then.time_s);
             out[2 * i] = command.v;
@@ -97,9 +98,10 @@ BatchSim::Moment BatchSim::when_acted(int i, const DriveLimits &limits) const {
     const double *params = b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams;
     const double *history = b_.memory + static_cast<std::ptrdiff_t>(i) * kMemory + 2;
     Moment then{load_pose(b_.pose + 3 * i), {b_.twist[2 * i], b_.twist[2 * i + 1]}, b_.time[i]};
-    const Delay delay = delay_of(params[kLatency]);
+    const double dt_s = kind_of(i).robot.dt_s;
+    const Delay delay = delay_of(params[kLatency], dt_s);
     for (int age = delay.whole; age >= 0; --age) {
-        const double span_s = age == delay.whole ? delay.rest_s : robot_.dt_s;
+        const double span_s = age == delay.whole ? delay.rest_s : dt_s;
         if (span_s <= 0.0) continue;
         const Twist due{history[2 * age] * params[kSpeedGain], history[2 * age + 1] * params[kYawGain]};
         const Twist next = advance_twist(then.twist, due, limits, span_s);
@@ -110,14 +112,15 @@ BatchSim::Moment BatchSim::when_acted(int i, const DriveLimits &limits) const {
     return then;
 }
 
-BatchSim::Delay BatchSim::delay_of(double latency_s) const {
-    const double periods = std::min(latency_s / robot_.dt_s, kHistory - 1.001);
+BatchSim::Delay BatchSim::delay_of(double latency_s, double dt_s) {
+    const double periods = std::min(latency_s / dt_s, kHistory - 1.001);
     const auto whole = static_cast<int>(periods);
-    return {whole, (periods - whole) * robot_.dt_s};
+    return {whole, (periods - whole) * dt_s};
 }
 
 void BatchSim::reset_one(int i) {
     const Task &task = *tasks_[i];
+    const SimKind &kind = kind_of(i);
     double *memory = b_.memory + static_cast<std::ptrdiff_t>(i) * kMemory;
     std::fill(memory, memory + kMemory, 0.0);
     store_pose(b_.pose + 3 * i, task.start);
@@ -127,7 +130,8 @@ void BatchSim::reset_one(int i) {
     b_.time[i] = 0.0;
     b_.travelled[i] = 0.0;
     if (Person *walkers = people(i)) begin_walk(*task.world, b_.seed[i], walkers);
-    b_.clearance[i] = clearance(*task.world, moving(i).at(0.0), robot_.footprint, task.start, config_.clearance_limit);
+    b_.clearance[i] =
+        clearance(*task.world, moving(i).at(0.0), kind.robot.footprint, task.start, kind.config.clearance_limit);
     b_.least_clearance[i] = b_.clearance[i];
     b_.collided[i] = b_.clearance[i] <= 0.0;
     b_.at_fault[i] = 0;
@@ -138,15 +142,16 @@ void BatchSim::reset_one(int i) {
 
 void BatchSim::step_one(int i) {
     const Task &task = *tasks_[i];
+    const SimKind &kind = kind_of(i);
     const double *params = b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams;
     double *memory = b_.memory + static_cast<std::ptrdiff_t>(i) * kMemory;
     remember_command(i);
     const double *history = memory + 2;
 
-    const DriveLimits limits = limits_of(robot_, params);
+    const DriveLimits limits = limits_of(kind.robot, params);
     // The base acts on a command `latency` old: the older one until the newer one is due, then that.
-    const Delay delay = delay_of(params[kLatency]);
-    const double spans[2] = {delay.rest_s, robot_.dt_s - delay.rest_s};
+    const Delay delay = delay_of(params[kLatency], kind.robot.dt_s);
+    const double spans[2] = {delay.rest_s, kind.robot.dt_s - delay.rest_s};
 
     Pose pose = load_pose(b_.pose + 3 * i);
     Pose odometry = load_pose(b_.odometry + 3 * i);
@@ -159,7 +164,7 @@ void BatchSim::step_one(int i) {
     Person *walkers = people(i);
     if (walkers != nullptr) {
         const Vec2 velocity{twist.v * std::cos(pose.theta), twist.v * std::sin(pose.theta)};
-        decide(*task.world, {before, velocity, robot_.footprint.radius}, time_s, robot_.dt_s, walkers);
+        decide(*task.world, {before, velocity, kind.robot.footprint.radius}, time_s, kind.robot.dt_s, walkers);
     }
     const Moving around = moving(i);
     for (int part = 0; part < 2 && !collided; ++part) {
@@ -169,7 +174,7 @@ void BatchSim::step_one(int i) {
         const Twist next = advance_twist(twist, wanted, limits, spans[part]);
         const Twist mean = mean_twist(twist, next, limits);
         const Motion motion =
-            drive(around, robot_.footprint, pose, mean, time_s, spans[part], clear, config_.clearance_limit);
+            drive(around, kind.robot.footprint, pose, mean, time_s, spans[part], clear, kind.config.clearance_limit);
         odometry = integrate(odometry,
                              {mean.v * (1.0 + params[kOdometrySpeedError]), mean.w * (1.0 + params[kOdometryYawError])},
                              motion.moved_s);
@@ -201,7 +206,7 @@ void BatchSim::step_one(int i) {
 void BatchSim::remember_command(int i) {
     double *history = b_.memory + static_cast<std::ptrdiff_t>(i) * kMemory + 2;
     std::copy_backward(history, history + 2 * (kHistory - 1), history + 2 * kHistory);
-    const Twist command = clip_command({b_.command[2 * i], b_.command[2 * i + 1]}, robot_.limits);
+    const Twist command = clip_command({b_.command[2 * i], b_.command[2 * i + 1]}, kind_of(i).robot.limits);
     history[0] = command.v;
     history[1] = command.w;
 }
@@ -209,9 +214,10 @@ void BatchSim::remember_command(int i) {
 void BatchSim::follow_one(int i, Vec2 before) {
     remember_command(i);
     const Task &task = *tasks_[i];
+    const SimKind &kind = kind_of(i);
     const Pose pose = load_pose(b_.pose + 3 * i);
     const double clear =
-        clearance(*task.world, moving(i).at(b_.time[i]), robot_.footprint, pose, config_.clearance_limit);
+        clearance(*task.world, moving(i).at(b_.time[i]), kind.robot.footprint, pose, kind.config.clearance_limit);
     b_.least_clearance[i] = std::min(b_.clearance[i], clear);
     b_.clearance[i] = clear;
     b_.reached[i] = arrived(i, before);
@@ -232,28 +238,31 @@ bool BatchSim::arrived(int i, Vec2 before) const {
 
 void BatchSim::sense(int i) {
     const Task &task = *tasks_[i];
+    const Robot &robot = kind_of(i).robot;
     const double *params = b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams;
     const double *memory = b_.memory + static_cast<std::ptrdiff_t>(i) * kMemory;
     alignas(64) double exact[kMaxBeams + kLanes];
-    const Pose sensor = compose(load_pose(b_.pose + 3 * i), robot_.mount);
-    raycast(*task.world, moving(i).seen_at(b_.time[i]), sensor, robot_.beams, robot_.max_range, exact);
-    float *out = b_.ranges + static_cast<std::ptrdiff_t>(i) * robot_.beams.count();
+    const Pose sensor = compose(load_pose(b_.pose + 3 * i), robot.mount);
+    raycast(*task.world, moving(i).seen_at(b_.time[i]), sensor, robot.beams, robot.max_range, exact);
+    float *out = b_.ranges + static_cast<std::ptrdiff_t>(i) * b_.num_columns;
     if (params[kRangeNoise] > 0.0 || params[kDropout] > 0.0) {
-        disturb(exact, robot_.beams.count(), random_key(b_.seed[i], static_cast<std::uint64_t>(memory[1])),
-                params[kRangeNoise], params[kDropout], robot_.max_range, out);
+        disturb(exact, robot.beams.count(), random_key(b_.seed[i], static_cast<std::uint64_t>(memory[1])),
+                params[kRangeNoise], params[kDropout], robot.max_range, out);
     } else {
-        copy_ranges(exact, robot_.beams.count(), out);
+        copy_ranges(exact, robot.beams.count(), out);
     }
+    std::fill(out + robot.beams.count(), out + b_.num_columns, static_cast<float>(robot.max_range));
 }
 
 void BatchSim::guide(int i) {
     const Task &task = *tasks_[i];
+    const SimKind &kind = kind_of(i);
     double &along = b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory];
-    const Guided guided = follow_path(*task.world, task.path, rules_, {b_.pose[3 * i], b_.pose[3 * i + 1]}, along);
+    const Guided guided = follow_path(*task.world, task.path, kind.rules, {b_.pose[3 * i], b_.pose[3 * i + 1]}, along);
     along = guided.along;
     b_.route_left[i] = guided.left;
-    if (config_.waypoint_is_given) return;
-    const Vec2 waypoint = rules_.lookahead > 0.0 ? guided.waypoint : task.goal;
+    if (kind.config.waypoint_is_given) return;
+    const Vec2 waypoint = kind.rules.lookahead > 0.0 ? guided.waypoint : task.goal;
     b_.waypoint[2 * i] = waypoint.x;
     b_.waypoint[2 * i + 1] = waypoint.y;
 }

@@ -1,9 +1,10 @@
-// N robots stepped at once, each in its own world. All that changes lives in arrays owned by the caller; a step
-// allocates nothing, and its results depend on neither the number of threads nor their order.
+// N robots of several kinds stepped at once, each in its own world. All that changes lives in arrays owned by the
+// caller; a step allocates nothing, and its results depend on neither the number of threads nor their order.
 #pragma once
 
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "control/local_control.hpp"
@@ -57,11 +58,13 @@ inline constexpr int kMemory = 2 + 2 * kHistory;
 
 // Row i belongs to robot i. All arrays are C-contiguous.
 struct SimBuffers {
+    const std::int64_t *kind;   // (N) what each robot is, by its number
+    int num_columns;            // K, the most beams of any kind
     const double *command;      // (N, 2) speed, yaw rate
     const std::uint8_t *active; // (N) rows that step() moves
     const std::uint64_t *seed;  // (N) of the noise
     const double *params;       // (N, kNumParams)
-    float *ranges;              // (N, K)
+    float *ranges;              // (N, K); beyond a robot's own beams its greatest range
     double *pose;               // (N, 3) true
     double *odometry;           // (N, 3) dead reckoning, starts at the true pose
     double *twist;              // (N, 2) executed
@@ -88,11 +91,21 @@ struct SimConfig {
 // How such robots are led along their paths.
 GuideRules guide_rules(const Robot &robot, const SimConfig &config);
 
+// What a robot is, and how it is led.
+struct SimKind {
+    SimKind(Robot of, const SimConfig &how) : robot(std::move(of)), config(how), rules(guide_rules(robot, config)) {}
+
+    Robot robot;
+    SimConfig config;
+    GuideRules rules;
+};
+
 class BatchSim {
   public:
-    BatchSim(int num_envs, int num_threads, Robot robot, SimConfig config, SimBuffers buffers);
+    BatchSim(int num_envs, int num_threads, std::vector<SimKind> kinds, SimBuffers buffers);
 
     int num_envs() const { return num_envs_; }
+    std::size_t num_kinds() const { return kinds_.size(); }
     int num_threads() const { return pool_.size(); }
     void set_task(int i, std::shared_ptr<const Task> task) { tasks_[i] = std::move(task); }
     // Puts the robots of the mask at their tasks' starts, at rest, and senses. mask is (N).
@@ -118,7 +131,8 @@ class BatchSim {
         double time_s;
     };
 
-    Delay delay_of(double latency_s) const;
+    const SimKind &kind_of(int i) const { return kinds_[static_cast<std::size_t>(b_.kind[i])]; }
+    static Delay delay_of(double latency_s, double dt_s);
     // When the base will act on a command that is given now, after those that are on their way.
     Moment when_acted(int i, const DriveLimits &limits) const;
     void reset_one(int i);
@@ -133,9 +147,7 @@ class BatchSim {
     Moving moving(int i) const { return {*tasks_[i]->world, people(i), b_.time[i]}; }
 
     int num_envs_;
-    Robot robot_;
-    SimConfig config_;
-    GuideRules rules_;
+    std::vector<SimKind> kinds_;
     SimBuffers b_;
     std::vector<std::shared_ptr<const Task>> tasks_;
     ThreadPool pool_;

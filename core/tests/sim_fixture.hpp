@@ -35,9 +35,10 @@ class SimFixture {
           least(n), waypoint(2 * n), route_left(n), time(n), travelled(n), memory(kMemory * n), plans(2 * n),
           remembered(static_cast<std::size_t>(n) * control_memory(controller)),
           ranges(static_cast<std::size_t>(kBeams) * n), active(n, 1), reached(n), collided(n), at_fault(n), mask(n, 1),
-          seed(n), people(static_cast<std::size_t>(kMaxPeople) * kPersonNumbers * n),
-          control(n, num_threads, {robot(polygon).footprint, DriveLimits{}, 0.1, true, controller}, remembered.data()),
-          sim(n, num_threads, robot(polygon), SimConfig{}, buffers()) {
+          seed(n), people(static_cast<std::size_t>(kMaxPeople) * kPersonNumbers * n), kind(n),
+          control(n, num_threads, {{robot(polygon).footprint, DriveLimits{}, 0.1, true, controller}}, kind.data(),
+                  remembered.data()),
+          sim(n, num_threads, {{robot(polygon), SimConfig{}}}, buffers()) {
         const auto world = crowded_world();
         for (int i = 0; i < n; ++i) {
             double *row = params.data() + static_cast<std::ptrdiff_t>(i) * kNumParams;
@@ -74,6 +75,7 @@ class SimFixture {
     std::vector<std::uint8_t> active, reached, collided, at_fault, mask;
     std::vector<std::uint64_t> seed;
     std::vector<double> people;
+    std::vector<std::int64_t> kind;
     LocalControl control;
     BatchSim sim;
 
@@ -85,10 +87,11 @@ class SimFixture {
     }
 
     SimBuffers buffers() {
-        return {command.data(),  active.data(),     seed.data(),   params.data(),    ranges.data(),
-                pose.data(),     odometry.data(),   twist.data(),  clearance.data(), least.data(),
-                waypoint.data(), route_left.data(), time.data(),   travelled.data(), reached.data(),
-                collided.data(), at_fault.data(),   memory.data(), people.data()};
+        return {kind.data(),      kBeams,         command.data(),  active.data(),     seed.data(),
+                params.data(),    ranges.data(),  pose.data(),     odometry.data(),   twist.data(),
+                clearance.data(), least.data(),   waypoint.data(), route_left.data(), time.data(),
+                travelled.data(), reached.data(), collided.data(), at_fault.data(),   memory.data(),
+                people.data()};
     }
 };
 

@@ -79,13 +79,20 @@ TEST_CASE("robots on maps of their own allocate nothing") {
     for (std::size_t i = 0; i < ranges.size(); ++i) ranges[i] = 0.8F + static_cast<float>(i % 7);
     ReplannerSetup setup;
     setup.shape = {kSide, kSide, 0.05};
-    Replanner maps(kRobots, 2, Beams(SimFixture::kBeams, -3.0, 6.0 / (SimFixture::kBeams - 1)), setup,
-                   {log_odds.data(), origin.data(), parity.data(), waypoint.data(), length.data(), found.data()});
+    setup.beams = Beams(SimFixture::kBeams, -3.0, 6.0 / (SimFixture::kBeams - 1));
+    ReplannerSetup wide = setup; // a second kind
+    wide.costs.inflation = 0.4;
+    std::vector<std::int64_t> kind{0, 1, 0, 1, 1, 0};
+    Replanner maps(kRobots, 2, {setup, wide},
+                   {kind.data(), SimFixture::kBeams, log_odds.data(), origin.data(), parity.data(), waypoint.data(),
+                    length.data(), found.data()});
     const RouteCorners routes{corners.data(), counts.data()};
     for (const ControllerConfig &controller : kControllers) {
         CAPTURE(controller.index());
         std::vector<double> memory(static_cast<std::size_t>(kRobots) * control_memory(controller));
-        LocalControl control(kRobots, 2, {{0.2, {}}, DriveLimits{}, 0.1, true, controller}, memory.data());
+        const ControlSetup small{{0.2, {}}, DriveLimits{}, 0.1, true, controller};
+        const ControlSetup large{{0.35, {}}, DriveLimits{}, 0.2, true, controller};
+        LocalControl control(kRobots, 2, {small, large}, kind.data(), memory.data());
         const long before = allocations.load();
         maps.restart(mask.data(), pose.data());
         for (int k = 0; k < 5; ++k) {

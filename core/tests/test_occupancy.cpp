@@ -63,13 +63,14 @@ TEST_CASE("hits make cells solid, the way to them free, and what is seen through
     const int count = 180;
     const Beams beams(count, -std::numbers::pi, 2.0 * std::numbers::pi / count);
     const Evidence evidence;
-    ScanIntegrator integrator(kShape, evidence, beams, {0.0, 0.0, 0.0}, 6.0, 6.0, 0.0);
+    const Scanner scanner(evidence, beams, {0.0, 0.0, 0.0}, 6.0, 6.0, 0.0);
+    ScanIntegrator integrator(kShape, beams.count());
     Window window({0.0, 0.0});
     const Pose robot{0.05, 0.05, 0.0};
     const auto scan = [&](float range, int times) {
         const std::vector<float> ranges(count, range);
         for (int k = 0; k < times; ++k)
-            integrator.integrate(window.cells.data(), window.origin, robot, ranges.data(), k % 2);
+            integrator.integrate(scanner, window.cells.data(), window.origin, robot, ranges.data(), k % 2);
     };
     scan(0.95F, 1);
     CHECK(window.at(0, 10) == evidence.hit); // hit at x = 1.0 m, and half a cell into the obstacle

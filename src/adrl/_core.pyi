@@ -124,7 +124,7 @@ class Task:
     ) -> None: ...
 
 class Robot:
-    """What all robots of a BatchSim share. footprint (V, 2) convex polygon, or (0, 2) for a disc;
+    """What a robot of a BatchSim is. footprint (V, 2) convex polygon, or (0, 2) for a disc;
     speed_limits: greatest speed, least speed, greatest yaw rate; mount: the LiDAR's pose on the robot."""
     def __init__(
         self,
@@ -203,14 +203,13 @@ def control_memory(controller: ControllerConfig) -> int:
 class LocalControl:
     """Local controllers of N robots; see local_control.hpp. response: greatest acceleration and yaw acceleration,
     lag_s. foresee: in a known world moving discs are where they will be; otherwise they stand where they are.
-    buffers: memory (N, M), zeros for robots that have just started. For simulators of at most num_threads threads."""
+    kinds: robots, each with its response and what drives it. buffers: kind (N) i64, memory (N, M), M the most that one
+    of the kinds remembers, zeros for robots that have just started. For simulators of at most num_threads threads."""
     def __init__(
         self,
         num_robots: int,
         num_threads: int,
-        robot: Robot,
-        response: tuple[float, float, float],
-        controller: ControllerConfig,
+        kinds: Sequence[tuple[Robot, tuple[float, float, float], ControllerConfig]],
         foresee: bool,
         buffers: dict[str, NDArray[Any]],
     ) -> None: ...
@@ -232,17 +231,18 @@ class PathGuide:
         """The waypoint (x, y) for a robot at (x_m, y_m), and the metres left to the path's end."""
 
 class BatchSim:
-    """N robots stepped at once. buffers: arrays owned by the caller, row i for robot i: command (N, 2), active (N) u8,
-    seed (N) u64, params (N, NUM_PARAMS), ranges (N, K) f32, pose (N, 3), odometry (N, 3), twist (N, 2), clearance (N),
-    least_clearance (N), waypoint (N, 2), route_left (N), time (N), travelled (N), reached (N) u8, collided (N) u8,
-    at_fault (N) u8, memory (N, MEMORY_SIZE), people (N, MAX_PEOPLE, PERSON_NUMBERS). All that changes is in them:
-    copied and put back, they continue to the same bytes."""
+    """N robots stepped at once, of several kinds. buffers: arrays owned by the caller, row i for robot i: kind (N) i64
+    which of the kinds it is, command (N, 2), active (N) u8, seed (N) u64, params (N, NUM_PARAMS), ranges (N, K) f32,
+    K the most beams of a kind, pose (N, 3), odometry (N, 3), twist (N, 2), clearance (N), least_clearance (N),
+    waypoint (N, 2), route_left (N), time (N), travelled (N), reached (N) u8, collided (N) u8, at_fault (N) u8,
+    memory (N, MEMORY_SIZE), people (N, MAX_PEOPLE, PERSON_NUMBERS).
+    A robot's greatest range stands in the columns of ranges beyond its own beams. All that changes is in them: copied
+    and put back, they continue to the same bytes."""
     def __init__(
         self,
         num_envs: int,
         num_threads: int,
-        robot: Robot,
-        config: SimConfig,
+        kinds: Sequence[tuple[Robot, SimConfig]],
         buffers: dict[str, NDArray[Any]],
     ) -> None: ...
     @property
@@ -317,8 +317,9 @@ class WaypointRules:
     literal: bool
 
 class ReplannerSetup:
-    """What all robots of a Replanner share. mount: the LiDAR's pose on the robot; reach_m: hits farther away are not
-    mapped; body_radius_m: of the disc under the robot that is surely free."""
+    """What robots of one kind have. beams: their number, the first one's angle and the increment; mount: the LiDAR's
+    pose on the robot; reach_m: hits farther away are not mapped; body_radius_m: of the disc under the robot that is
+    surely free."""
     def __init__(
         self,
         *,
@@ -326,6 +327,7 @@ class ReplannerSetup:
         width: int,
         resolution_m: float,
         evidence: Evidence,
+        beams: tuple[int, float, float],
         mount: tuple[float, float, float],
         max_range_m: float,
         reach_m: float,
@@ -335,24 +337,24 @@ class ReplannerSetup:
     ) -> None: ...
 
 class Replanner:
-    """Maps and routes of N robots. buffers: arrays owned by the caller, row i for robot i: log_odds (N, height, width)
-    i8, origin (N, 2) i64 lattice row and column of the window's cell (0, 0), parity (N) u8, waypoint (N, 2), route (N)
-    metres of route, found (N) u8: 0 no route, 1 to the goal, 2 to the nearest cell or the border. All that changes is
-    in them. mask (N) u8 picks the robots of a call; pose (N, 3) and points (N, 2) are in one frame, the odometry's."""
+    """Maps and routes of N robots, of several kinds: setups that differ in the robot alone.
+
+    buffers: arrays owned by the caller, row i for robot i: kind (N) i64 which of the setups is its, log_odds
+    (N, height, width) i8, origin (N, 2) i64 lattice row and column of the window's cell (0, 0), parity (N) u8,
+    waypoint (N, 2), route (N) metres of route, found (N) u8: 0 no route, 1 to the goal, 2 to the nearest cell or the
+    border. All that changes is in them. mask (N) u8 picks the robots of a call; pose (N, 3) and points (N, 2) are in
+    one frame, the odometry's."""
     def __init__(
         self,
         num_robots: int,
         num_threads: int,
-        num_beams: int,
-        angle_min_rad: float,
-        angle_increment_rad: float,
-        setup: ReplannerSetup,
+        setups: Sequence[ReplannerSetup],
         buffers: dict[str, NDArray[Any]],
     ) -> None: ...
     def restart(self, mask: U8, pose: F64) -> None:
         """Forget everything; the windows are about the robots."""
     def observe(self, mask: U8, pose: F64, ranges: F32) -> None:
-        """Enter scans (N, K)."""
+        """Enter scans (N, K), K the most beams of a kind."""
     def plan(self, mask: U8, pose: F64, goal: F64) -> None:
         """Write waypoint, route and found on the way to goals (N, 2). found 0 leaves the other two as they were."""
     def plan_routes(self, mask: U8, pose: F64, goal: F64, corners: F64, counts: NDArray[np.int32]) -> None:

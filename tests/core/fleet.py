@@ -58,7 +58,8 @@ def buffers(n: int, beams: int) -> Buffers:
     rows |= {"people": (_core.MAX_PEOPLE, _core.PERSON_NUMBERS)}
     b: Buffers = {name: np.zeros((n, *shape)) for name, shape in rows.items()}
     b |= {name: np.zeros(n, dtype=np.uint8) for name in ("active", "reached", "collided", "at_fault")}
-    return b | {"seed": np.zeros(n, dtype=np.uint64), "ranges": np.zeros((n, beams), dtype=np.float32)}
+    b |= {"seed": np.zeros(n, dtype=np.uint64), "kind": np.zeros(n, dtype=np.int64)}
+    return b | {"ranges": np.zeros((n, beams), dtype=np.float32)}
 
 
 def params(**values: float) -> Array:
@@ -97,7 +98,7 @@ class Fleet:
         self.b["params"][:] = params(**values)
         self.b["seed"][:] = np.arange(n) + 7
         self.b["active"][:] = 1
-        self.sim = _core.BatchSim(n, num_threads, robot.native, config or _core.SimConfig(), self.b)
+        self.sim = _core.BatchSim(n, num_threads, [(robot.native, config or _core.SimConfig())], self.b)
         self.control = LocalControl(n, robot, dwa_config(robot), num_threads=self.sim.num_threads)
         for i, task in enumerate(tasks):
             self.sim.set_task(i, task.native)

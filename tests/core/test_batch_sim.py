@@ -150,7 +150,7 @@ def test_a_robot_without_a_task_waits():
     robot = a_robot()
     b = buffers(2, robot.lidar.num_beams)
     b["active"][:] = 1
-    sim = _core.BatchSim(2, 1, robot.native, _core.SimConfig(), b)
+    sim = _core.BatchSim(2, 1, [(robot.native, _core.SimConfig())], b)
     sim.set_task(1, a_task(EMPTY, start=(1.0, 0.0, 0.0)).native)
     sim.reset(np.ones(2, dtype=np.uint8))
     sim.step()
@@ -201,7 +201,9 @@ def test_waypoint_and_rest_of_the_route_follow_the_path():
 
 def make(**changes: Any) -> _core.BatchSim:
     robot = a_robot()
-    return _core.BatchSim(3, 1, robot.native, _core.SimConfig(), buffers(3, robot.lidar.num_beams) | changes)
+    return _core.BatchSim(
+        3, 1, [(robot.native, _core.SimConfig())], buffers(3, robot.lidar.num_beams) | changes
+    )
 
 
 @pytest.mark.parametrize("name", buffers(3, 16))
@@ -231,7 +233,7 @@ def test_buffers_of_the_wrong_kind_are_refused(name: str):
     missing = buffers(3, 16)
     del missing[name]
     with pytest.raises((TypeError, ValueError, KeyError), match=name):
-        _core.BatchSim(3, 1, a_robot().native, _core.SimConfig(), missing)
+        _core.BatchSim(3, 1, [(a_robot().native, _core.SimConfig())], missing)
 
 
 def test_masks_and_outputs_of_the_wrong_kind_are_refused():

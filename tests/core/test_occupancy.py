@@ -19,6 +19,7 @@ ONE = np.ones(1, dtype=np.uint8)
 
 def make_buffers(n: int = 1) -> dict[str, NDArray[Any]]:
     return {
+        "kind": np.zeros(n, dtype=np.int64),
         "log_odds": np.zeros((n, SIDE, SIDE), dtype=np.int8),
         "origin": np.zeros((n, 2), dtype=np.int64),
         "parity": np.zeros(n, dtype=np.uint8),
@@ -36,6 +37,7 @@ def make_native(buffers: dict[str, NDArray[Any]], body_radius_m: float = 0.01) -
         width=SIDE,
         resolution_m=RES,
         evidence=evidence,
+        beams=(BEAMS, -math.pi, 2.0 * math.pi / BEAMS),
         mount=(0.0, 0.0, 0.0),
         max_range_m=RANGE,
         reach_m=10.0,
@@ -44,7 +46,7 @@ def make_native(buffers: dict[str, NDArray[Any]], body_radius_m: float = 0.01) -
         waypoint=_core.WaypointRules(),
     )
     n = len(buffers["origin"])
-    return _core.Replanner(n, 1, BEAMS, -math.pi, 2.0 * math.pi / BEAMS, setup, buffers)
+    return _core.Replanner(n, 1, [setup], buffers)
 
 
 class Mapper:

@@ -59,7 +59,7 @@ def test_even_beams_from_any_first_angle(
         0.2, np.empty((0, 2)), (1.0, 0.0, 1.0), beams, first, increment, (0.0, 0.0, 0.0), RANGE_M, 0.1
     )
     fleet = Fleet([a_task(world, start=pose)], a_robot(beams=beams))
-    sim = _core.BatchSim(1, 1, robot, _core.SimConfig(), fleet.b)
+    sim = _core.BatchSim(1, 1, [(robot, _core.SimConfig())], fleet.b)
     sim.set_task(0, a_task(world, start=pose).native)
     sim.reset(np.ones(1, dtype=np.uint8))
     angles = first + increment * np.arange(beams, dtype=np.float64)

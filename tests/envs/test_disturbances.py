@@ -136,7 +136,7 @@ def test_randomisation_stays_in_its_ranges_and_fills_them() -> None:
         gain=0.1, acceleration=0.3, lag=0.4, latency_s=0.2, range_noise=0.5, dropout_probability=0.2
     )
     nominal = nominal_params(robot)
-    drawn = draw_params(robot, r, 20_000, np.random.default_rng(0))
+    drawn = draw_params([robot] * 20_000, r, np.random.default_rng(0))
     relative = np.array([0.1, 0.1, 0.3, 0.3, 0.4, 0.0, 0.5, 0.0])
     low, high = nominal[:8] * (1.0 - relative), nominal[:8] * (1.0 + relative)
     high[[5, 7]] += [0.2, 0.2]

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from adrl.envs import NavSim
 from adrl.observation import to_action
-from adrl.planning.local_control import LocalControl
 from adrl.planning.own_map import OwnMapDriver
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import RobotConfig
@@ -51,13 +50,15 @@ class ClassicalPolicy:
         if sim is not self._sim:
             self._sim, self._starting = sim, np.arange(sim.num_envs)
             threads = sim.num_threads
-            config = type(self).controller(sim.robot)
-            self._control = LocalControl(
-                sim.num_envs, sim.robot, config, foresee=self.foresee, num_threads=threads
-            )
+            self._control = sim.local_control(type(self).controller, foresee=self.foresee)
             if sim.guidance == "replan":
                 self._driver = OwnMapDriver(
-                    sim.num_envs, sim.robot, self._control, OWN_MAP, num_threads=threads
+                    sim.num_envs,
+                    [kind.robot for kind in sim.kinds],
+                    self._control,
+                    OWN_MAP,
+                    num_threads=threads,
+                    kind=sim.b["kind"],
                 )
         # A robot without a task has nowhere to go yet, and begins when it has one.
         has_task = np.array([sim.tasks[i] is not None for i in self._starting], dtype=bool)
@@ -70,7 +71,7 @@ class ClassicalPolicy:
             goals = np.array([task.goal for task in (sim.tasks[i] for i in rows) if task is not None])
             self._driver.restart(rows, goals.reshape(-1, 2), b["odometry"][rows])
         commands = self._driver.commands(b["ranges"], b["odometry"], b["twist"], b["active"].astype(bool))
-        return to_action(commands, sim.robot)
+        return to_action(commands, sim.rows.robot)
 
 
 class WithoutForesight(ClassicalPolicy):

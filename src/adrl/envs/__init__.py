@@ -1,5 +1,6 @@
 """Gymnasium environments over the batch simulator: adrl/Nav-v0, alone and as a vector."""
 
+from adrl.envs.kinds import Kind
 from adrl.envs.nav_env import NavEnv
 from adrl.envs.nav_sim import Body, NavSim, Outcome
 from adrl.envs.randomization import MILD, NOMINAL, Randomization
@@ -10,6 +11,7 @@ __all__ = [
     "MILD",
     "NOMINAL",
     "Body",
+    "Kind",
     "NavEnv",
     "NavSim",
     "NavVectorEnv",

@@ -1,10 +1,10 @@
-"""N robots, each on its own task: the batch simulator with observations and reward terms around it.
+"""N robots of any kinds, each on its own task: the batch simulator with observations and reward terms around it.
 
 No autoreset and no Gymnasium: NavVectorEnv and the evaluation's rollout are built on this.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl import _core
+from adrl.envs.kinds import Kind, KindRows
 from adrl.envs.randomization import NOMINAL, Randomization, draw_params
-from adrl.errors import ConfigError, UnknownName
+from adrl.errors import ConfigError
 from adrl.geometry import wrapped
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.observation.motion import ScanHistory
@@ -25,7 +26,7 @@ from adrl.registry import look_up
 from adrl.rewards import RewardConfig, Step, features, terms
 from adrl.rewards.terms import STAGNATION_WINDOW
 from adrl.simulators import Body
-from adrl.types import GUIDANCE, Array, RobotConfig, Task
+from adrl.types import Array, RobotConfig, Task
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -52,7 +53,7 @@ class NavSim:
     def __init__(
         self,
         num_envs: int,
-        robot: RobotConfig,
+        robot: RobotConfig | Sequence[Kind],
         *,
         guidance: str = "goal",
         randomization: Randomization = NOMINAL,
@@ -66,40 +67,56 @@ class NavSim:
         num_threads: int = 1,
         body: Body | None = None,
     ) -> None:
-        """replanner, maturity: for guidance `replan`, S being the policy's. num_threads: 0 takes one per core.
+        """robot: of all rows, led by guidance and taken_as another one; or the kinds that a row may be, which say that
+        themselves. Rows begin as the first kind; reset() may make them others.
+
+        replanner, maturity: for guidance `replan`, S being the policy's. num_threads: 0 takes one per core.
 
         expert: what drives in expert_actions(), of adrl.planning.local_control.CONTROLLERS.
 
-        taken_as: the robot as a policy of another one takes it, with speeds and a LiDAR's reach of its own; as it is
-        when None. See adrl.deploy.another_robot.as_trained.
+        taken_as: see Kind.
         plans_itself: the policy makes its own routes, and with guidance `replan` no replanner makes any.
         body: moves and senses the robots instead of our simulator; of the randomization it knows nothing. Raises
-        UnknownName for a guidance that does not exist, ConfigError for a body with fewer robots.
+        UnknownName for a guidance that does not exist, ConfigError for a body with fewer robots, and for no kinds.
         """
-        if guidance not in GUIDANCE:
-            raise UnknownName("guidance", guidance, GUIDANCE)
+        if isinstance(robot, RobotConfig):
+            robot = (Kind(robot=robot, guidance=guidance, taken_as=taken_as),)
+        self.kinds: tuple[Kind, ...] = tuple(robot)
+        """What a row may be, by its number, which b["kind"] has."""
+        if not self.kinds:
+            raise ConfigError("there are no kinds of robots; give one or more")
+        if body is not None and len(self.kinds) > 1:
+            raise ConfigError(f"a body drives robots of one kind; {len(self.kinds)} were given")
         if body is not None and (body.num_envs < num_envs or randomization != NOMINAL):
             raise ConfigError(
                 f"the body has {body.num_envs} robots and drives them as they are; "
                 "give num_envs at most that number, and no randomization"
             )
         self.num_envs = num_envs
-        self.robot = robot
-        self._taken_as = taken_as or robot
-        self.guidance = guidance
         self.body = body
-        self.encoder = ObservationEncoder(self._taken_as, encoder)
+        known = [kind.known_as for kind in self.kinds]
+        self.encoder = ObservationEncoder(known, encoder)
         self.reward = reward or RewardConfig()
         self._randomization = randomization
-        self.b = _buffers(num_envs, robot.lidar.num_beams)
-        led = guidance == "replan" and not plans_itself
-        config = sim_config(robot, "goal" if guidance == "replan" and plans_itself else guidance)
-        self.native = _core.BatchSim(num_envs, num_threads, robot.native, config, self.b)
+        num_beams = max(kind.robot.lidar.num_beams for kind in self.kinds)
+        self.b = _buffers(num_envs, num_beams)
+        self._table = KindRows.of(self.kinds, plans_itself=plans_itself)
+        self.rows = self._table[self.b["kind"]]
+        """What each row is at present."""
+        self._reach_as_known = bool((self._table.robot.max_range_m == self._table.known.max_range_m).all())
+        configs = [sim_config(kind.robot, _led_by(kind, plans_itself)) for kind in self.kinds]
+        natives = [(kind.robot.native, config) for kind, config in zip(self.kinds, configs, strict=True)]
+        self.native = _core.BatchSim(num_envs, num_threads, natives, self.b)
         self.set_expert(expert)
         self.replanner: Replanner | None = None
-        if led:
+        if self._table.led.any():
             self.replanner = Replanner(
-                num_envs, self._taken_as, replanner, maturity=maturity, num_threads=self.native.num_threads
+                num_envs,
+                known,
+                replanner,
+                maturity=maturity,
+                num_threads=self.native.num_threads,
+                kind=self.b["kind"],
             )
         self.tasks: list[Task | None] = [None] * num_envs
         self._time_limit_s = np.full(num_envs, np.inf)
@@ -108,7 +125,17 @@ class NavSim:
         self._features = np.zeros((num_envs, len(self.reward.features())), dtype=np.float32)
         self._quantities = self.reward.quantities()
         steps = self.encoder.config.history_steps
-        self._history = ScanHistory(num_envs, robot.lidar.num_beams, steps) if steps > 0 else None
+        self._history = ScanHistory(num_envs, num_beams, steps) if steps > 0 else None
+
+    @property
+    def robot(self) -> RobotConfig:
+        """That of all rows. Raises ConfigError where there are several."""
+        return self._only("robots", {kind.robot: None for kind in self.kinds})
+
+    @property
+    def guidance(self) -> str:
+        """That of all rows. Raises ConfigError where there are several."""
+        return self._only("guidances", {kind.guidance: None for kind in self.kinds})
 
     @property
     def num_threads(self) -> int:
@@ -121,12 +148,16 @@ class NavSim:
         tasks: Sequence[Task],
         seeds: NDArray[np.uint64],
         rng: np.random.Generator | Sequence[np.random.Generator],
+        kinds: NDArray[np.intp] | None = None,
     ) -> None:
         """Start the robots `indices` (M,) on `tasks`.
 
         seeds: (M,) of their sensors' noise. rng: draws their parameters; M of them, one each, where a robot's must
-        not depend on the others.
+        not depend on the others. kinds: (M,) numbers of the kinds that they are from now on; as they were if None.
         """
+        if kinds is not None:
+            self.b["kind"][indices] = kinds
+            self._know_kinds()
         mask = np.zeros(self.num_envs, dtype=np.uint8)
         for i, task in zip(indices, tasks, strict=True):
             self.tasks[i] = task
@@ -134,12 +165,18 @@ class NavSim:
             self._time_limit_s[i] = task.time_limit_s
         mask[indices] = 1
         self.b["seed"][indices] = seeds
-        drawers = [(rng, len(indices))] if isinstance(rng, np.random.Generator) else [(one, 1) for one in rng]
-        drawn = [draw_params(self.robot, self._randomization, count, drawer) for drawer, count in drawers]
-        self.b["params"][indices] = np.concatenate(drawn)
+        robots = [self.kinds[k].robot for k in self.b["kind"][indices]]
+        if isinstance(rng, np.random.Generator):
+            drawn = draw_params(robots, self._randomization, rng)
+        else:
+            each = [
+                draw_params([own], self._randomization, one) for own, one in zip(robots, rng, strict=True)
+            ]
+            drawn = np.concatenate(each)
+        self.b["params"][indices] = drawn
         self.b["active"][indices] = 1
         self.b["command"][indices] = 0.0
-        self._last_action[indices] = to_action(np.zeros((1, 2)), self._taken_as)
+        self._last_action[indices] = to_action(np.zeros((len(indices), 2)), self.rows.known[indices])
         self.native.reset(mask)
         self.expert.restart(indices)
         if self.body is not None:
@@ -149,23 +186,22 @@ class NavSim:
         if self.replanner is not None:
             goals = np.array([task.goal for task in tasks]).reshape(-1, 2)
             self.replanner.reset(indices, goals, self.b["odometry"][indices])
-            self.b["waypoint"][:] = self.replanner.update(
-                self._ranges(), self.b["odometry"], mask.astype(bool)
-            )
+            self._replan(mask.astype(bool))
         # A robot that has just started is not stagnant: its window begins full.
-        self._displacements[indices] = self.robot.max_speed_mps * self.robot.control_period_s
+        own = self.rows.robot[indices]
+        self._displacements[indices] = (own.max_speed_mps * own.control_period_s)[:, None]
         self._features[indices] = features(self._snapshot(indices), self.reward)
 
     def observe(self, rows: Rows = ALL) -> F32:
         """(N, D) observations, a new array; of the robots `rows` (M,) alone, (M, D)."""
-        return self.encoder.encode(*self.measured(rows))
+        return self.encoder.encode(*self.measured(rows), kind=self.b["kind"][rows])
 
     def measured(self, rows: Rows = ALL) -> tuple[F32, Array, Array, F32, ScanHistory | None]:
         """What an encoder takes: ranges, goal in the robot's frame, twist, last action, and the scans' history."""
         b = self.b
         # A known map comes with localisation; mapless robots only have their odometry.
-        pose = b["pose"] if self.guidance == "map" else b["odometry"]
-        goal = in_robot_frame(pose[rows], b["waypoint"][rows])
+        pose = np.where(self.rows.on_map[rows, None], b["pose"][rows], b["odometry"][rows])
+        goal = in_robot_frame(pose, b["waypoint"][rows])
         if self.replanner is not None:
             goal = self.replanner.as_goals(goal, rows)
         history = self._history
@@ -177,11 +213,11 @@ class NavSim:
         """Execute (N, 2) normalised actions for one control period on every active robot."""
         b = self.b
         before_pose = b["pose"].copy()
-        before_guided = self._guided_pose().copy()
+        before_guided = self._guided_pose()
         before_waypoint = b["waypoint"].copy()
         before_distance = self._distance()
         self._last_action = np.clip(actions, -1.0, 1.0).astype(np.float32)
-        b["command"][:] = to_twist(actions, self._taken_as)
+        b["command"][:] = to_twist(actions, self.rows.known)
         if self.body is None:
             self.native.step()
         else:
@@ -213,8 +249,7 @@ class NavSim:
             features=self._features,
         )
         if self.replanner is not None:
-            active = b["active"].astype(bool)
-            b["waypoint"][:] = self.replanner.update(self._ranges(), b["odometry"], active)
+            self._replan(b["active"].astype(bool))
             step = dataclasses.replace(step, distance_m=self._distance())
         self._features = features(step, self.reward)
         return outcome
@@ -235,8 +270,20 @@ class NavSim:
 
     def set_expert(self, name: str) -> None:
         """Let this local controller, of CONTROLLERS, drive in expert_actions() from now on."""
-        config = look_up("controller", name, CONTROLLERS)(self.robot)
-        self.expert = LocalControl(self.num_envs, self.robot, config, num_threads=self.native.num_threads)
+        self.expert = self.local_control(look_up("controller", name, CONTROLLERS))
+
+    def local_control(
+        self, config: Callable[[RobotConfig], "_core.ControllerConfig"], *, foresee: bool = True
+    ) -> LocalControl:
+        """Local controllers of these robots, each with the constants for its own kind."""
+        return LocalControl(
+            self.num_envs,
+            [kind.robot for kind in self.kinds],
+            config,
+            foresee=foresee,
+            num_threads=self.native.num_threads,
+            kind=self.b["kind"],
+        )
 
     def expert_actions(self) -> F32:
         """(N, 2) actions of A* and the expert's controller in the current states, which know the world and where discs
@@ -247,7 +294,7 @@ class NavSim:
         """(N, 2) actions of a local controller that knows the world, on the paths of the tasks."""
         command = np.zeros((self.num_envs, 2))
         self.native.plan(control.native, command)
-        return to_action(command, self._taken_as)
+        return to_action(command, self.rows.known)
 
     def state(self) -> dict[str, NDArray[Any]]:
         """Copies of all that changes; with the tasks, enough to continue to the same bytes."""
@@ -269,7 +316,8 @@ class NavSim:
         if self.body is not None:
             raise ConfigError("robots that Gazebo moves cannot be put back amid an episode; start a new run")
         for name, array in self.b.items():
-            array[:] = state.get(name, 0.0) if name in _NEWER else state[name]
+            array[:] = state.get(name, 0) if name in _NEWER else state[name]
+        self._know_kinds()
         self._last_action = state["last_action"].copy()
         self._displacements = state["displacements"].copy()
         self._features = state["features"].copy()
@@ -290,25 +338,46 @@ class NavSim:
             if task is not None:
                 self.native.set_task(i, task.native)
 
+    def _only(self, what: str, found: Mapping[Any, None]) -> Any:
+        if len(found) > 1:
+            raise ConfigError(f"this simulator holds {len(found)} {what}; ask its kinds, or its rows")
+        return next(iter(found))
+
+    def _know_kinds(self) -> None:
+        """After a change of b["kind"]."""
+        self.rows = self._table[self.b["kind"]]
+
+    def _replan(self, active: Mask) -> None:
+        """The waypoints of those of the active robots (N,) that the replanner leads."""
+        assert self.replanner is not None
+        led = self.rows.led
+        waypoints = self.replanner.update(self._ranges(), self.b["odometry"], active & led)
+        self.b["waypoint"][led] = waypoints[led]
+
     def _ranges(self) -> F32:
         """(N, K) metres, by a LiDAR of the reach that the policy knows; beyond the robot's own all is free."""
-        ranges, reach = self.b["ranges"], np.float32(self.robot.lidar.max_range_m)
-        known = np.float32(self._taken_as.lidar.max_range_m)
-        return ranges if reach == known else np.where(ranges < reach, np.minimum(ranges, known), known)
+        ranges = self.b["ranges"]
+        if self._reach_as_known:
+            return ranges
+        reach, known = (
+            reach.astype(np.float32)[:, None]
+            for reach in (self.rows.robot.max_range_m, self.rows.known.max_range_m)
+        )
+        return np.where((ranges < reach) | (reach == known), np.minimum(ranges, known), known)
 
     def _distance(self, rows: Rows = ALL) -> Array:
         """(N,) metres to the goal: straight, or along the path for guidance `map`.
 
         For `replan` straight to the waypoint and from there along the robot's own route, which no step changes.
         """
-        if self.guidance == "map":
-            return self.b["route_left"][rows].copy()
         straight = np.hypot(*(self.b["waypoint"][rows] - self._guided_pose()[rows, :2]).T)
-        return straight if self.replanner is None else straight + self.replanner.beyond_m[rows]
+        if self.replanner is not None:
+            straight += self.replanner.beyond_m[rows]
+        return np.where(self.rows.on_map[rows], self.b["route_left"][rows], straight)
 
     def _guided_pose(self) -> Array:
-        """(N, 3) poses in the frame that waypoints are given in: replanned ones are in the odometry's."""
-        return self.b["pose"] if self.replanner is None else self.b["odometry"]
+        """(N, 3) poses in the frame that waypoints are given in: replanned ones are in the odometry's. New."""
+        return np.where(self.rows.led[:, None], self.b["odometry"], self.b["pose"])
 
     def _coordinate_distance(self) -> Array:
         """(N,) metres from the robot's centre to the nearest obstacle's coordinates, for the literal eq 8.
@@ -346,13 +415,18 @@ class NavSim:
             "displacement_m": np.zeros(n),
             "turn_rad": np.zeros(n),
             "coordinate_distance_m": np.full(n, np.inf),
-            "contact_m": self.robot.circumscribed_radius_m,
-            "max_speed_mps": self.robot.max_speed_mps,
-            "max_yaw_rate_radps": self.robot.max_yaw_rate_radps,
-            "dt_s": self.robot.control_period_s,
+            "contact_m": self.rows.robot.circumscribed_radius_m[rows],
+            "max_speed_mps": self.rows.robot.max_speed_mps[rows],
+            "max_yaw_rate_radps": self.rows.robot.max_yaw_rate_radps[rows],
+            "dt_s": self.rows.robot.control_period_s[rows],
             "quantities": {name: quantity(self)[rows] for name, quantity in self._quantities.items()},
         }
         return Step(**(values | changes))
+
+
+def _led_by(kind: Kind, plans_itself: bool) -> str:
+    """The guidance that the simulator gives: one that plans itself is told the goal alone."""
+    return "goal" if kind.guidance == "replan" and plans_itself else kind.guidance
 
 
 def _heading_error(pose: Array, target: Array) -> Array:
@@ -361,12 +435,13 @@ def _heading_error(pose: Array, target: Array) -> Array:
     return np.arctan2(ahead[:, 1], ahead[:, 0])
 
 
-_NEWER = ("at_fault", "people")
-"""Arrays that states of before do not have: nobody walked."""
+_NEWER = ("kind", "at_fault", "people")
+"""Arrays that states of before do not have: there was one kind, and nobody walked."""
 
 
 def _buffers(n: int, beams: int) -> dict[str, NDArray[Any]]:
     shapes: dict[str, tuple[tuple[int, ...], Any]] = {
+        "kind": ((n,), np.intp),
         "command": ((n, 2), np.float64),
         "active": ((n,), np.uint8),
         "seed": ((n,), np.uint64),

@@ -1,6 +1,7 @@
 """Episode-to-episode variation of the robots: what the real one will differ in from the model."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -71,16 +72,17 @@ def nominal_params(robot: RobotConfig) -> Array:
 
 
 def draw_params(
-    robot: RobotConfig, randomization: Randomization, count: int, rng: np.random.Generator
+    robots: Sequence[RobotConfig], randomization: Randomization, rng: np.random.Generator
 ) -> Array:
-    """(count, P) parameters of new episodes. Odometry drift is drawn too, for a nominal robot as well."""
-    params = np.tile(nominal_params(robot), (count, 1))
-    r = randomization
+    """(N, P) parameters of new episodes, a row a robot. Odometry drift is drawn too, for nominal robots as well."""
+    params = np.stack([nominal_params(robot) for robot in robots])
+    r, count = randomization, len(robots)
     params[:, :2] *= 1.0 + r.gain * rng.uniform(-1.0, 1.0, (count, 2))
     params[:, 2:4] *= 1.0 + r.acceleration * rng.uniform(-1.0, 1.0, (count, 2))
     params[:, 4] *= 1.0 + r.lag * rng.uniform(-1.0, 1.0, count)
     params[:, 5] += r.latency_s * rng.uniform(0.0, 1.0, count)
     params[:, 6] *= 1.0 + r.range_noise * rng.uniform(-1.0, 1.0, count)
     params[:, 7] += r.dropout_probability * rng.uniform(0.0, 1.0, count)
-    params[:, 8:] = robot.odometry_drift * rng.standard_normal((count, 2))
+    drift = np.array([robot.odometry_drift for robot in robots])
+    params[:, 8:] = drift[:, None] * rng.standard_normal((count, 2))
     return params

@@ -146,8 +146,8 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
     @property
     def periods(self) -> NDArray[np.float64]:
         """(N,) length of a step of each row's present robot, in reference periods: what is paid and discounted for."""
-        robot = self.robot
-        return np.full(self.num_envs, robot.control_period_s / reference_period_s(robot.max_speed_mps))
+        robots = self.sim.rows.robot
+        return robots.control_period_s / reference_period_s(robots.max_speed_mps)
 
     @property
     def maturity(self) -> float:

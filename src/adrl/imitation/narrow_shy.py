@@ -47,7 +47,7 @@ class ShyPaths:
         config = near_config("pursuit" if env.expert == "mppi" else env.expert, robot, width_m)
         self._control = LocalControl(env.num_envs, robot, config, num_threads=sim.num_threads)
         self._guide = _core.BatchSim(
-            env.num_envs, sim.num_threads, robot.native, sim_config(robot, "goal"), self._b
+            env.num_envs, sim.num_threads, [(robot.native, sim_config(robot, "goal"))], self._b
         )
         self._ways: dict[int, Array] = {}
         self._ends_at_goal = np.ones(env.num_envs, dtype=bool)

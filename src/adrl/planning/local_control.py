@@ -1,6 +1,6 @@
 """Local controllers of N robots: what drives along a path, knowing the world or a map of the robot's own."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -60,19 +60,28 @@ class LocalControl:
     def __init__(
         self,
         num_robots: int,
-        robot: RobotConfig,
-        config: "_core.ControllerConfig",
+        robot: RobotConfig | Sequence[RobotConfig],
+        config: "_core.ControllerConfig | Callable[[RobotConfig], _core.ControllerConfig]",
         *,
         foresee: bool = True,
         num_threads: int = 1,
+        kind: NDArray[np.intp] | None = None,
     ) -> None:
-        """foresee: in a known world moving discs are where they will be; otherwise they stand where they are."""
-        size = _core.control_memory(config)
+        """robot: one, or those of several kinds; config: for all, or what makes it for a robot.
+
+        foresee: in a known world moving discs are where they will be; otherwise they stand where they are. kind: (N,)
+        which of the robots each row is, an array of the caller's that is read at every decision; all the first if None.
+        """
+        robots = (robot,) if isinstance(robot, RobotConfig) else tuple(robot)
+        configs = [config(one) if callable(config) else config for one in robots]
+        size = max(map(_core.control_memory, configs))
         self.b: dict[str, NDArray[Any]] = {"memory": np.zeros((num_robots, size))}
-        response = robot.max_acceleration_mps2, robot.max_yaw_acceleration_radps2, robot.lag_s
-        self.native = _core.LocalControl(
-            num_robots, num_threads, robot.native, response, config, foresee, self.b
-        )
+        kinds = [
+            (one.native, (one.max_acceleration_mps2, one.max_yaw_acceleration_radps2, one.lag_s), made)
+            for one, made in zip(robots, configs, strict=True)
+        ]
+        kind = np.zeros(num_robots, np.intp) if kind is None else kind
+        self.native = _core.LocalControl(num_robots, num_threads, kinds, foresee, self.b | {"kind": kind})
 
     def restart(self, indices: NDArray[np.intp]) -> None:
         """Forget what is remembered of robots `indices` (M,)."""

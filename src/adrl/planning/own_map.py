@@ -3,6 +3,8 @@
 No true map and no true pose: scans and odometry are all there is.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,17 +21,20 @@ class OwnMapDriver:
     def __init__(
         self,
         num_robots: int,
-        robot: RobotConfig,
+        robot: RobotConfig | Sequence[RobotConfig],
         control: LocalControl,
         config: ReplannerConfig,
         *,
         num_threads: int = 1,
+        kind: NDArray[np.intp] | None = None,
     ) -> None:
-        """config: of map and routes; a route is planned anew every replan_interval_s. control: of as many robots."""
+        """config: of map and routes; a route is planned anew every replan_interval_s. control: of as many robots.
+
+        robot, kind: as in LocalControl.
+        """
         self.control = control
         # Of the replanner the map and the search are wanted; eqs 18 to 21 are another method's.
-        self._maps = Replanner(num_robots, robot, config, num_threads=num_threads)
-        self._interval = config.steps(config.replan_interval_s, robot)
+        self._maps = Replanner(num_robots, robot, config, num_threads=num_threads, kind=kind)
         self._goals = np.zeros((num_robots, 2))
         self._corners = np.zeros((num_robots, _core.ROUTE_CORNERS, 2))
         self._counts = np.zeros(num_robots, np.int32)
@@ -48,7 +53,7 @@ class OwnMapDriver:
         self._corners[indices, 0], self._corners[indices, 1] = odometry[:, :2], goals
         self._counts[indices] = 2
         self._along[indices] = 0.0
-        self._since_plan[indices] = self._interval
+        self._since_plan[indices] = self._maps.interval[indices]
         self.control.restart(indices)
 
     def commands(
@@ -60,7 +65,7 @@ class OwnMapDriver:
         """
         native, mask = self._maps.native, active.astype(np.uint8)
         native.observe(mask, odometry, ranges)
-        due = active & (self._since_plan >= self._interval)
+        due = active & (self._since_plan >= self._maps.interval)
         self._since_plan[active] += 1
         if due.any():
             native.plan_routes(due.astype(np.uint8), odometry, self._goals, self._corners, self._counts)

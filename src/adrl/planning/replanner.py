@@ -5,7 +5,7 @@ straight way there. Then it plans on what it has mapped itself (eq 22), heads fo
 23), plans anew as it sees more, and is handed back to the goal when it has seen all of the way between them to be free.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +16,7 @@ from adrl import _core
 from adrl.observation import footprint_extent
 from adrl.planning.global_planner import inscribed_radius_m
 from adrl.planning.replanner_config import ReplannerConfig
-from adrl.types import Array, Form, RobotConfig
+from adrl.types import Array, Form, RobotConfig, RobotRows
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -40,7 +40,7 @@ class Motion:
     """Distance between the first and the last place."""
     obstacle_change_m: Array
     """Change of the nearest obstacle's distance between the first and the last step, unsigned."""
-    duration_s: float
+    duration_s: Array | float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,13 +83,13 @@ def stagnant(motion: Motion, thresholds: Thresholds, form: Form) -> Mask:
     return (motion.progress_m < thresholds.displacement_m) & slow & unchanged
 
 
-def on_course(motion: Motion, least_m: float) -> Mask:
+def on_course(motion: Motion, least_m: Array | float) -> Mask:
     """(N,) robots of which most of the way brought them nearer to the goal; least_m: less is not driving."""
     return (motion.progress_m > 0.7 * motion.travelled_m) & (motion.travelled_m > least_m)
 
 
 class Replanner:
-    """Waypoints for N robots of one kind. All that changes is in the arrays `b`: see state(). `native` is the core's.
+    """Waypoints for N robots. All that changes is in the arrays `b`: see state(). `native` is the core's.
 
     Poses and goals are in the frame of the odometry. `replans` (N,) counts the interventions since reset.
     """
@@ -97,28 +97,31 @@ class Replanner:
     def __init__(
         self,
         num_robots: int,
-        robot: RobotConfig,
+        robot: RobotConfig | Sequence[RobotConfig],
         config: ReplannerConfig | None = None,
         *,
         maturity: float = 0.0,
         num_threads: int = 1,
+        kind: NDArray[np.intp] | None = None,
     ) -> None:
-        """maturity: S of the policy (eq 20). num_threads: 0 takes one per core."""
+        """maturity: S of the policy (eq 20). num_threads: 0 takes one per core. robot, kind: as in LocalControl."""
         self.config = config or ReplannerConfig()
-        self.robot = robot
+        robots = (robot,) if isinstance(robot, RobotConfig) else tuple(robot)
         self.maturity = maturity
-        self._window = self.config.steps(self.config.window_s, robot)
-        self._interval = self.config.steps(self.config.replan_interval_s, robot)
-        self._span_m = robot.max_speed_mps * robot.control_period_s * self._window
-        self._basic = Thresholds(
-            displacement_m=self.config.displacement_fraction * self._span_m,
-            speed_mps=self.config.speed_fraction * robot.max_speed_mps,
-            obstacle_change_m=self.config.obstacle_change_m,
-        )
-        angles = robot.lidar.angles_rad + robot.lidar.mount_yaw_rad
-        self._extent = footprint_extent(robot, angles).astype(np.float32)
-        self.b = _buffers(num_robots, self._window + 1, self.config.cells)
-        self.native = self._make_native(num_robots, num_threads)
+        self.kind = np.zeros(num_robots, np.intp) if kind is None else kind
+        """(N,) which of the robots each row is: the caller's array, where one was given."""
+        self._robots = RobotRows.of(robots)
+        self._windows = np.array([self.config.steps(self.config.window_s, one) for one in robots])
+        self._intervals = np.array([self.config.steps(self.config.replan_interval_s, one) for one in robots])
+        self._extents = _extents(robots)
+        self.b = _buffers(num_robots, self._windows.max() + 1, self.config.cells)
+        setups = [_setup(self.config, one) for one in robots]
+        self.native = _core.Replanner(num_robots, num_threads, setups, self.b | {"kind": self.kind})
+
+    @property
+    def interval(self) -> NDArray[np.int64]:
+        """(N,) control periods after which a plan is old."""
+        return self._intervals[self.kind]
 
     @property
     def replans(self) -> NDArray[np.int64]:
@@ -168,7 +171,7 @@ class Replanner:
         b["goal"][indices] = goals
         for name in ("following", "recorded", "beyond"):
             b[name][indices] = 0
-        b["since_plan"][indices] = self._interval  # a plan may be made at once
+        b["since_plan"][indices] = self.interval[indices]  # a plan may be made at once
 
     def move_goals(self, indices: NDArray[np.intp], goals: Array) -> None:
         """The same goals (M, 2) of robots `indices` (M,), better known: the route stays, the next plan leads there."""
@@ -212,25 +215,31 @@ class Replanner:
     def _clearance(self, ranges: F32) -> Array:
         """(N,) metres from the footprint to the nearest hit. Beams that tell nothing count as free."""
         told = np.isfinite(ranges) & (ranges > 0.0)
-        seen = np.where(told, ranges, np.float32(self.robot.lidar.max_range_m))
-        return np.maximum((seen - self._extent).min(axis=1), 0.0)
+        seen = np.where(told, ranges, self._robots.max_range_m.astype(np.float32)[self.kind, None])
+        return np.maximum((seen - self._extents[self.kind]).min(axis=1), 0.0)
 
     def _record(self, awake: Mask, odometry: Array, clearance: Array) -> None:
         b = self.b
         for name, newest in (("places", odometry[:, :2]), ("clearances", clearance)):
             b[name][awake, :-1] = b[name][awake, 1:]
             b[name][awake, -1] = newest[awake]
-        b["recorded"][awake] = np.minimum(b["recorded"][awake] + 1, self._window + 1)
+        b["recorded"][awake] = np.minimum(b["recorded"] + 1, self._windows[self.kind] + 1)[awake]
 
     def _motion(self) -> Motion:
         places, clearances, goal = self.b["places"], self.b["clearances"], self.b["goal"]
-        steps = np.diff(places, axis=1)
+        window = self._windows[self.kind]
+        # Windows end together; the longest begins in column 0.
+        first, rows = places.shape[1] - 1 - window, np.arange(len(window))
+        ways = np.hypot(*np.moveaxis(np.diff(places, axis=1), 2, 0))
+        ways[np.arange(ways.shape[1]) < first[:, None]] = 0.0
+        begun, ended = places[rows, first], places[:, -1]
         return Motion(
-            travelled_m=np.hypot(steps[..., 0], steps[..., 1]).sum(axis=1),
-            progress_m=np.hypot(*(goal - places[:, 0]).T) - np.hypot(*(goal - places[:, -1]).T),
-            net_m=np.hypot(*(places[:, -1] - places[:, 0]).T),
-            obstacle_change_m=np.abs(clearances[:, -1] - clearances[:, 0]),
-            duration_s=self._window * self.robot.control_period_s,
+            # Summed in the order of time: what lies before a shorter window adds nothing, to the byte.
+            travelled_m=ways.cumsum(axis=1)[:, -1],
+            progress_m=np.hypot(*(goal - begun).T) - np.hypot(*(goal - ended).T),
+            net_m=np.hypot(*(ended - begun).T),
+            obstacle_change_m=np.abs(clearances[:, -1] - clearances[rows, first]),
+            duration_s=window * self._robots.control_period_s[self.kind],
         )
 
     def _triggered(self, heading_on: Mask, odometry: Array, clearance: Array) -> Mask:
@@ -240,25 +249,32 @@ class Replanner:
         line it follows already. And at once for one with a known obstacle within foresight_m of its straight way:
         whoever waits until it is stuck has driven into the trap, and drives out of it again.
         """
+        robots, window = self._robots[self.kind], self._windows[self.kind]
+        span_m = robots.max_speed_mps * robots.control_period_s * window
+        basic = Thresholds(
+            displacement_m=self.config.displacement_fraction * span_m,
+            speed_mps=self.config.speed_fraction * robots.max_speed_mps,
+            obstacle_change_m=self.config.obstacle_change_m,
+        )
         threat = np.clip(1.0 - clearance / self.config.safe_clearance_m, 0.0, 1.0)
-        thresholds = adapt(self._basic, threat, self.maturity, self.config)
-        full = self.b["recorded"] > self._window
+        thresholds = adapt(basic, threat, self.maturity, self.config)
+        full = self.b["recorded"] > window
         motion = self._motion()
         stuck = heading_on & full & stagnant(motion, thresholds, self.config.eq18)
         if self.config.eq18 == "literal":
             return stuck
-        straight_on = stuck & on_course(motion, 0.01 * self._span_m)
+        straight_on = stuck & on_course(motion, 0.01 * span_m)
         stuck &= ~self._sees(straight_on, odometry, self.b["goal"], self.config.conflict_m)
         if self.config.foresight_m > 0.0:
             # Where the last plan found no way, the next one waits its time.
-            asked = heading_on & ~stuck & (self.b["since_plan"] >= self._interval)
+            asked = heading_on & ~stuck & (self.b["since_plan"] >= self.interval)
             stuck |= asked & ~self._sees(asked, odometry, self.b["goal"], self.config.foresight_m)
         return stuck
 
     def _due(self, following: Mask, odometry: Array) -> Mask:
         """(N,) robots on a route that need a new plan: in time, at the waypoint, or cut off from it."""
         b = self.b
-        due = following & (b["since_plan"] >= self._interval)
+        due = following & (b["since_plan"] >= self.interval)
         rest = following & ~due & (b["since_plan"] >= LEAST_STEPS)
         arrived = np.hypot(*(b["waypoint"] - odometry[:, :2]).T) < self.config.arrival_m
         due |= rest & arrived
@@ -293,31 +309,40 @@ class Replanner:
             self.native.see(mask.astype(np.uint8), odometry, points, distance_m, known, out)
         return out.astype(bool)
 
-    def _make_native(self, num_robots: int, num_threads: int) -> "_core.Replanner":
-        config, robot = self.config, self.robot
-        evidence = _core.Evidence()
-        evidence.hit, evidence.low, evidence.high = EVIDENCE_HIT, EVIDENCE_LOW, EVIDENCE_HIGH
-        # A cell near the robot is seen through in every scan.
-        evidence.miss = max(1, round(EVIDENCE_HIGH * robot.control_period_s / config.forget_s))
-        rules = _core.WaypointRules()
-        rules.min_interval_m, rules.max_distance_m = config.min_interval_m, config.lookahead_m
-        rules.corridor_m = robot.circumscribed_radius_m + 0.5 * config.margin_m
-        rules.literal = config.eq21 == "literal"
-        lidar = robot.lidar
-        setup = _core.ReplannerSetup(
-            height=config.cells,
-            width=config.cells,
-            resolution_m=config.resolution_m,
-            evidence=evidence,
-            mount=lidar.mount,
-            max_range_m=lidar.max_range_m,
-            reach_m=config.range_m,
-            body_radius_m=inscribed_radius_m(robot),
-            costs=config.route_costs(robot),
-            waypoint=rules,
-        )
-        beams = lidar.num_beams, lidar.angle_min_rad, lidar.angle_increment_rad
-        return _core.Replanner(num_robots, num_threads, *beams, setup, self.b)
+
+def _extents(robots: Sequence[RobotConfig]) -> F32:
+    """(R, K) distance from the LiDAR to the footprint's edge along each beam; where a robot has fewer, none is near."""
+    most = max(robot.lidar.num_beams for robot in robots)
+    extents = np.full((len(robots), most), -np.inf, np.float32)
+    for row, robot in zip(extents, robots, strict=True):
+        angles = robot.lidar.angles_rad + robot.lidar.mount_yaw_rad
+        row[: len(angles)] = footprint_extent(robot, angles)
+    return extents
+
+
+def _setup(config: ReplannerConfig, robot: RobotConfig) -> "_core.ReplannerSetup":
+    evidence = _core.Evidence()
+    evidence.hit, evidence.low, evidence.high = EVIDENCE_HIT, EVIDENCE_LOW, EVIDENCE_HIGH
+    # A cell near the robot is seen through in every scan.
+    evidence.miss = max(1, round(EVIDENCE_HIGH * robot.control_period_s / config.forget_s))
+    rules = _core.WaypointRules()
+    rules.min_interval_m, rules.max_distance_m = config.min_interval_m, config.lookahead_m
+    rules.corridor_m = robot.circumscribed_radius_m + 0.5 * config.margin_m
+    rules.literal = config.eq21 == "literal"
+    lidar = robot.lidar
+    return _core.ReplannerSetup(
+        height=config.cells,
+        width=config.cells,
+        resolution_m=config.resolution_m,
+        evidence=evidence,
+        beams=(lidar.num_beams, lidar.angle_min_rad, lidar.angle_increment_rad),
+        mount=lidar.mount,
+        max_range_m=lidar.max_range_m,
+        reach_m=config.range_m,
+        body_radius_m=inscribed_radius_m(robot),
+        costs=config.route_costs(robot),
+        waypoint=rules,
+    )
 
 
 def _buffers(n: int, window: int, cells: int) -> dict[str, NDArray[Any]]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +11,18 @@ Array = NDArray[np.floating]
 Mask = NDArray[np.bool_]
 
 
-def reference_period_s(max_speed_mps: float) -> float:
+@overload
+def reference_period_s(max_speed_mps: float) -> float: ...
+@overload
+def reference_period_s(max_speed_mps: Array) -> Array: ...
+def reference_period_s(max_speed_mps: Array | float) -> Array | float:
     """The step the paper's numbers and the discount are for: 0.1 s, or longer for a robot that is slow.
 
     50 of them, the horizon of gamma = 0.98, are 5 s and at least 3 m of driving: enough to get round an
     obstacle. Robots with other control periods are paid, and discounted, in proportion.
     """
+    if isinstance(max_speed_mps, np.ndarray):
+        return np.maximum(0.1, 0.06 / max_speed_mps)
     return max(0.1, 0.06 / max_speed_mps)
 
 
@@ -52,20 +59,20 @@ class Step:
     """Signed change of the heading in this step."""
     coordinate_distance_m: Array
     """From the robot's centre to the nearest obstacle's middle; infinite where eq 8 does not ask for it."""
-    contact_m: float
-    """d_r of eq 8: radius of the robot's disc."""
-    max_speed_mps: float
-    max_yaw_rate_radps: float
-    dt_s: float
+    contact_m: Array | float
+    """d_r of eq 8: radius of the robot's disc. This and what follows may differ from robot to robot."""
+    max_speed_mps: Array | float
+    max_yaw_rate_radps: Array | float
+    dt_s: Array | float
     quantities: Mapping[str, Array] = field(default_factory=dict)
     """What extra terms asked for, by name; (N,) each. See RewardTerm."""
 
     @property
-    def periods(self) -> float:
+    def periods(self) -> Array | float:
         """Length of the step in reference periods: what is paid for time is paid in proportion."""
         return self.dt_s / reference_period_s(self.max_speed_mps)
 
     @property
-    def max_step_m(self) -> float:
+    def max_step_m(self) -> Array | float:
         """v_max dt, the longest step the robot can make."""
         return self.max_speed_mps * self.dt_s
