@@ -81,6 +81,8 @@ class Validation:
 
     success: float
     """Fraction that arrived."""
+    seconds: float
+    """Mean time of a task in s; one that was not solved counts with its time limit."""
     start: F32
     """(E, D) observations of the start states."""
     discounted_return: float

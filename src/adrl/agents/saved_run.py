@@ -39,6 +39,14 @@ class Curriculum(TypedDict, total=False):
     best: float
 
 
+class BestOfRun(TypedDict):
+    """Numbers of best.Best."""
+
+    start: tuple[Count, float, float]
+    kept: tuple[Count, float, float]
+    maturity: float
+
+
 class SavedRun(TypedDict):
     """A checkpoint's state.json."""
 
@@ -55,6 +63,8 @@ class SavedRun(TypedDict):
     returns: list[float]
     explorer: NotRequired[Curriculum]
     """Of exploration.Explorer; absent from checkpoints before methods had a guide."""
+    best: NotRequired[BestOfRun]
+    """Of best.Best, in a run that keeps its best policy."""
     wall_s: Annotated[float, Meta(ge=0.0)]
     metrics_bytes: Count
 

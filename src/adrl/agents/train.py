@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.agents import budget, checkpoint
+from adrl.agents.best import Best
 from adrl.agents.config import TrainConfig
 from adrl.agents.exploration import Explorer
 from adrl.agents.interface import Evaluate, Progress, TrainEnv, TrainingStopped, TrainResult
@@ -56,6 +57,7 @@ def train(
     probe: Probe | None = None,
     mirror: Mirror | None = None,
     start: MlpPolicy | None = None,
+    keep_best: bool = False,
     evaluate: Evaluate | None = None,
     on_progress: Callable[[Progress], None] | None = None,
     start_time_s: float | None = None,
@@ -66,8 +68,9 @@ def train(
 
     policy_config: what is saved with the policy (input_size, widths and maturity are filled in here).
     demonstrations: D2, for methods that imitate. probe: measures S, where the method follows it. mirror: of the
-    observations of a symmetric robot. start: the actor to begin with. start_time_s: of time.monotonic(); wall clock and
-    max_seconds count from it, validation left out. resume: from the newest checkpoint, or from the start if there is
+    observations of a symmetric robot. start: the actor to begin with. keep_best: it is validated first, and what is left
+    in the end is the best of all that were validated; validation is part of the budget then. start_time_s: of
+    time.monotonic(); wall clock and max_seconds count from it, otherwise without validation. resume: from the newest checkpoint, or from the start if there is
     none. stopped: whether to leave a checkpoint and end before the budget is spent, asked between steps. Raises
     ConfigError, also for a budget that ends before the first update; BudgetSpent for one that a finished run has had;
     TrainingStopped; CheckpointError, DatasetError.
@@ -80,6 +83,7 @@ def train(
     learner = Learner(config, n, size, demonstrations, probe, rng, mirror, start)
     run = _Run(config, env, out, learner, rng, observation, policy_config, started_s)
     run.evaluate, run.on_progress = evaluate, on_progress
+    run.start = start if keep_best else None
     try:
         run.begin(resume)
         while not (run.spent() or stopped()):
@@ -111,6 +115,9 @@ class _Run:
         self.config, self.env, self.out, self.learner = config, env, out, learner
         self.evaluate: Evaluate | None = None
         self.on_progress: Callable[[Progress], None] | None = None
+        self.start: MlpPolicy | None = None
+        self._best: Best | None = None
+        self._last_validation_s = 0.0
         self._started_s, self._validation_s = started_s, 0.0
         self._rng, self._observation = rng, observation
         n, size = observation.shape
@@ -134,7 +141,9 @@ class _Run:
         return self._spent_fraction() >= 1.0
 
     def _spent_fraction(self) -> float:
-        return budget.spent_fraction(self.config, self._env_steps, self.wall_s())
+        # A validation that decides comes after the last step, and is paid for.
+        due_s = self._last_validation_s if self._best is not None else 0.0
+        return budget.spent_fraction(self.config, self._env_steps, self.wall_s() + due_s)
 
     def begin(self, resume: bool) -> None:
         """Start afresh, or from the newest checkpoint."""
@@ -152,6 +161,8 @@ class _Run:
         (self.out / METRICS_FILE).unlink(missing_ok=True)
         shutil.rmtree(self.out / TENSORBOARD_FOLDER, ignore_errors=True)
         self._log = MetricsLog(self.out)
+        if self.start is not None:
+            self._write_row(self._validate(self.start))
 
     def _policy_is_written(self) -> bool:
         """Whether the run folder has the policy of this state: a kill may have come after the last checkpoint."""
@@ -203,20 +214,28 @@ class _Run:
     def _report(self) -> None:
         evaluation_due = self.evaluate is not None and self._due(self.config.eval_interval_steps)
         if evaluation_due or self._due(self.config.log_interval_steps):
-            self._write_row(evaluation_due)
+            self._write_row(self._validate_today() if evaluation_due else None)
         if self._due(self.config.checkpoint_interval_steps):
             self._save()
 
-    def _validate(self) -> dict[str, float | None]:
+    def _validate_today(self) -> dict[str, float | None]:
         """Success of the averaged actor, and what the critic promised from the start states against what came."""
+        return self._validate(self.learner.policy(self._policy_config))
+
+    def _validate(self, policy: MlpPolicy) -> dict[str, float | None]:
         assert self.evaluate is not None
         self.tell("validation")
-        policy = self.learner.policy(self._policy_config)
         began_s = time.monotonic()
         result = self.evaluate(policy, self.learner.reward_maturity)
         promised = self.learner.q_at(result.start)
-        self._validation_s += time.monotonic() - began_s
+        self._last_validation_s = time.monotonic() - began_s
         self._success, self._validated_at = result.success, self._env_steps
+        if self.start is None:
+            self._validation_s += self._last_validation_s
+        elif self._best is None:
+            self._best = Best.of(policy, result)
+        else:
+            self._best.offer(policy, self._env_steps, result)
         return {
             "success": result.success,
             "q_start": promised,
@@ -224,10 +243,8 @@ class _Run:
             "overestimation": promised - result.discounted_return,
         }
 
-    def _write_row(self, evaluate: bool) -> None:
-        numbers: dict[str, float | None] = {"success": None}
-        if evaluate:
-            numbers |= self._validate()
+    def _write_row(self, validated: dict[str, float | None] | None) -> None:
+        numbers = validated or {"success": None}
         replay, n = self.learner.replay, len(self._observation)
         rows = max((self._env_steps - self._logged_at) // n, 1)
         recent = replay.newest(rows)
@@ -280,8 +297,8 @@ class _Run:
         unseen = validates and self._validated_at < self._env_steps
         # A run too short for a validation has one, and a log one row at the least.
         first = unseen and self._validated_at == 0
-        if first or self._logged_at < self._env_steps:
-            self._write_row(evaluate=unseen)
+        if first or self._logged_at < self._env_steps or (unseen and self._best is not None):
+            self._write_row(self._validate_today() if unseen else None)
             self.tell()
         counts = {
             "train_seconds": seconds,
@@ -291,7 +308,8 @@ class _Run:
             "compile_seconds": self.learner.compile_seconds,
         }
         extra = dict(self._policy_config.extra) | counts
-        policy = self.learner.policy(replace(self._policy_config, extra=extra))
+        about = replace(self._policy_config, extra=extra)
+        policy = self.learner.policy(about) if self._best is None else self._best.policy_with(about)
         policy.save(self.out)
         return TrainResult(policy, self.out, self._env_steps, updates, episodes, seconds)
 
@@ -316,12 +334,14 @@ class _Run:
             "explorer": self._explorer.numbers(),
             "wall_s": self.wall_s(),
             "metrics_bytes": self._log.position(),
+            **({} if self._best is None else {"best": self._best.numbers()}),
         }
         parts = {
             "learner": self.learner.arrays(),
             "replay": self.learner.replay.state(),
             "env": self.env.state(),
             "loop": {"observation": self._observation} | self._tally.arrays(),
+            **({} if self._best is None else {"best": self._best.arrays()}),
         }
         checkpoint.save(self.out, self._env_steps, state, parts)
 
@@ -339,6 +359,8 @@ class _Run:
             self._tally = EpisodeTally(**loop, **state["tally"])
             self._returns = state["returns"]
             self._explorer.restore(state.get("explorer", {}))
+            if self.start is not None:
+                self._best = Best.restored(state.get("best"), saved.part("best"), self._policy_config)
             self._rng.bit_generator.state = state["rng"]
             self._env_steps, self._logged_at = state["env_steps"], state["logged_at"]
             self._validated_at = state.get("validated_at", 0)

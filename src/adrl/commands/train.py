@@ -1,6 +1,6 @@
 """adrl train."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from adrl.agents.methods import method_name
@@ -47,12 +47,26 @@ def main(arguments: Sequence[str]) -> int:
         f"{result.env_steps} environment steps, {result.updates} updates, {result.episodes} episodes in "
         f"{result.train_seconds:.1f} s"
     )
+    tuned = result.policy.config.extra.get("fine_tuning")
+    if tuned is not None:
+        console().print(_kept(tuned))
     folder = Run.of(config).folder
     planner = read_json(folder / VERSIONS_FILE, dict[str, str]).get(PLANNER)
     if planner is not None:
         console().print(f"demonstrated by {planner}")
     print(folder)
     return 0
+
+
+def _kept(scores: Mapping[str, Mapping[str, float]]) -> str:
+    """Which policy of a fine-tuning is left, and why."""
+
+    def told(score: Mapping[str, float]) -> str:
+        return f"{100 * score['success']:.1f} % in {score['seconds']:.1f} s a task"
+
+    start, kept = scores["start"], scores["kept"]
+    which = f"that of step {kept['env_steps']}" if kept["env_steps"] else "the one it began with"
+    return f"validation: {told(start)} to begin with, {told(kept)} at best; kept {which}"
 
 
 def _note(progress: "Progress") -> str:

@@ -42,6 +42,8 @@ class ResolvedPolicy:
     """How it was made: adrl, td3, ..., a planner's name, or external."""
     robot: RobotConfig | None = None
     """The robot it was made for; None for any."""
+    trained_as: RobotConfig | None = None
+    """That robot as the policy takes it; as it is when None."""
     encoder: EncoderConfig | Encoder = field(default_factory=EncoderConfig)
     plans_itself: bool = False
     """Whether it makes its own routes: with guidance `replan` no replanner makes any for it."""
@@ -90,7 +92,7 @@ class ResolvedPolicy:
             return driven
         if self.encoder_inside:
             require_encodable(self.name, self.robot, driven, self.encoder.history_steps)
-        return as_trained(driven, self.robot)
+        return as_trained(driven, self.trained_as or self.robot)
 
 
 def find_policy(policy: Any, planners: Mapping[str, Callable[[], Any]] | None = None) -> ResolvedPolicy:
@@ -216,6 +218,7 @@ def _trained(policy: MlpPolicy) -> ResolvedPolicy:
         name=str(extra.get("run", "policy")),
         method=config.method,
         robot=setup.robot,
+        trained_as=setup.taken_as,
         encoder=setup.encoder,
         guidance=config.guidance,
         replanner=setup.replanner,

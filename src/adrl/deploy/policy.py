@@ -184,6 +184,7 @@ def _layers(path: Path, tensors: Mapping[str, NDArray[Any]], config: PolicyConfi
 class _Environment(TypedDict, total=False):
     worlds: list[str] | None
     replanner: dict[str, Any]
+    taken_as: dict[str, Any]
 
 
 class _Reward(TypedDict, total=False):

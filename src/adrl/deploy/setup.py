@@ -15,6 +15,8 @@ class Setup:
     """What turns scans into a policy's observations."""
 
     robot: RobotConfig
+    taken_as: RobotConfig
+    """The robot as the policy takes it: another one where it began as another robot's, see another_robot.as_trained."""
     encoder: EncoderConfig
     replanner: ReplannerConfig
     """The constants of guidance `replan`; the defaults for a policy that was trained without."""
@@ -33,10 +35,12 @@ def setup_of(policy: MlpPolicy) -> Setup:
         raise CheckpointError(
             f"policy {name!r}: bad encoder or replanner in config.json ({error}); restore the file"
         ) from None
-    size = ObservationEncoder(robot, encoder).size
+    taken_as = environment.get("taken_as")
+    taken_as = robot if taken_as is None else robot_from_fields(taken_as)
+    size = ObservationEncoder(taken_as, encoder).size
     if size != config.input_size:
         raise CheckpointError(
             f"policy {name!r}: config.json has an encoder of {size} numbers and weights for "
             f"{config.input_size}; restore the file"
         )
-    return Setup(robot=robot, encoder=encoder, replanner=replanner)
+    return Setup(robot=robot, taken_as=taken_as, encoder=encoder, replanner=replanner)

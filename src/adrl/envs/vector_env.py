@@ -64,6 +64,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         reward_config: RewardConfig | None = None,
         replanner: ReplannerConfig | None = None,
         maturity: float = 0.5,
+        taken_as: RobotConfig | None = None,
         max_episode_steps: int | None = None,
         seed: int | None = None,
         num_threads: int = 1,
@@ -79,6 +80,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         randomize: False for the nominal robot, True for mild variation, or a Randomization.
         replanner: constants of guidance `replan`.
         maturity: S at first; see the property.
+        taken_as: the robot as a policy of another one takes it; see NavSim.
         max_episode_steps: truncates episodes whose task gives more time.
         seed: of the first reset if that gives none; None for entropy. num_threads: 0 takes one per core.
         autoreset_mode: SameStep, NextStep, or Disabled to reset with options={"reset_mask": mask}.
@@ -103,6 +105,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             encoder=EncoderConfig(**encoder) if isinstance(encoder, Mapping) else encoder,
             reward=reward_config,
             replanner=replanner,
+            taken_as=taken_as,
             num_threads=num_threads,
             body=body,
         )

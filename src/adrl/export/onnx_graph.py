@@ -78,11 +78,11 @@ def to_onnx(policy: MlpPolicy) -> bytes:
     except ImportError:
         raise MissingExtra.named("onnx", "writing ONNX") from None
     setup = setup_of(policy)
-    encoder = ObservationEncoder(setup.robot, setup.encoder)
+    encoder = ObservationEncoder(setup.taken_as, setup.encoder)
     graph = Graph(onnx)
     with_motion = setup.encoder.history_steps > 0
-    given = _inputs(graph, setup.robot.lidar, with_motion=with_motion)
-    fastest = [setup.robot.max_speed_mps, setup.robot.max_yaw_rate_radps]
+    given = _inputs(graph, setup.taken_as.lidar, with_motion=with_motion)
+    fastest = [setup.taken_as.max_speed_mps, setup.taken_as.max_yaw_rate_radps]
     parts = [
         _sectors(graph, encoder, given["ranges"]),
         _goal(graph, given["goal"], setup.encoder.goal_scale_m),
@@ -90,16 +90,16 @@ def to_onnx(policy: MlpPolicy) -> bytes:
         given["last_action"],
     ]
     if with_motion:
-        cue = cue_settings(setup.robot, setup.encoder.num_sectors, setup.encoder.history_steps)
+        cue = cue_settings(setup.taken_as, setup.encoder.num_sectors, setup.encoder.history_steps)
         parts.append(_motion(graph, cue, given))
     action = _network(graph, policy, parts)
     graph.part = "outputs"
     action = graph.op("Where", given[FAULTY], graph.constant(math.nan), action, output="action")
-    span = setup.robot.max_speed_mps - setup.robot.min_speed_mps
+    span = setup.taken_as.max_speed_mps - setup.taken_as.min_speed_mps
     scaled = graph.op("Mul", action, graph.constant([[0.5 * span, fastest[1]]]))
-    offset = graph.constant([[setup.robot.min_speed_mps + 0.5 * span, 0.0]])
+    offset = graph.constant([[setup.taken_as.min_speed_mps + 0.5 * span, 0.0]])
     graph.op("Add", scaled, offset, output="velocity")
-    return _model(onnx, graph, policy, setup.robot.lidar.num_beams, with_motion=with_motion)
+    return _model(onnx, graph, policy, setup.taken_as.lidar.num_beams, with_motion=with_motion)
 
 
 def _model(onnx: Any, graph: Graph, policy: MlpPolicy, beams: int, *, with_motion: bool) -> bytes:
@@ -134,7 +134,7 @@ def metadata(policy: MlpPolicy) -> dict[str, str]:
     config = policy.config
     return {
         "version": version("adrl"),
-        "robot": json.dumps(dict(config.robot)),
+        "robot": json.dumps(dict(config.table("environment").get("taken_as", config.robot))),
         "encoder": json.dumps(dict(config.encoder)),
         "guidance": config.guidance,
         "method": config.method,

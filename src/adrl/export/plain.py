@@ -23,7 +23,7 @@ def to_safetensors(policy: MlpPolicy) -> bytes:
     steps, margin, scale.
     """
     setup = setup_of(policy)
-    robot, config = setup.robot, setup.encoder
+    robot, config = setup.taken_as, setup.encoder
     encoder, lidar = ObservationEncoder(robot, config), robot.lidar
     greatest = lidar.max_range_m
     cue = cue_settings(robot, config.num_sectors, config.history_steps)

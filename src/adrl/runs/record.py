@@ -58,6 +58,7 @@ def about_policy(
                 **({"simulator": config.env} if config.env != NATIVE else {}),
                 **({"fine_tune": str(config.fine_tune)} if config.fine_tune is not None else {}),
                 **({PLANNER: planner.controller} if planner is not None else {}),
+                **({"taken_as": asdict(run.taken_as)} if run.taken_as != run.robot else {}),
                 **_worlds(run),
                 "replanner": asdict(run.replanner),
             },
@@ -82,7 +83,7 @@ def _worlds(run: "Run") -> dict[str, list[str] | None]:
     """
     sources: list[set[str] | None] = [training_fingerprints(run.scenario)]
     if run.start is not None:
-        sources.append(training_worlds(run.start.config))
+        sources.append(training_worlds(run.start.policy.config))
     if run.config.dataset is not None:
         sources.append(recorded_worlds(run.config.dataset))
     if sources == [set()]:

@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
+import numpy as np
+
 from adrl.agents.config import TrainConfig
 from adrl.agents.interface import Validation
 from adrl.agents.methods import method_name
-from adrl.deploy.policy import MlpPolicy, PolicyConfig, load_policy, resolve_policy
+from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.envs import NavVectorEnv, Setting
-from adrl.evaluation.metrics import success_rate
 from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Expert, find_expert
 from adrl.imitation.best_planner import Trial
@@ -20,6 +21,7 @@ from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards.step import reference_period_s
 from adrl.runs.config import RunConfig
+from adrl.runs.fine_tuning import Start
 from adrl.runs.record import about_policy
 from adrl.simulators import Simulator, find_simulator
 from adrl.types import RobotConfig, Scenario, Task
@@ -39,16 +41,20 @@ class Run:
     guidance: str
     replanner: ReplannerConfig
     encoder: EncoderConfig
+    taken_as: RobotConfig
+    """The robot as the policy takes it: another one where it began as another robot's."""
     expert: Expert
     simulator: Simulator | None
     """None for ours."""
-    start: MlpPolicy | None
+    start: Start | None
     """The policy that fine-tuning begins with."""
     folder: Path
 
     @classmethod
     def of(cls, config: RunConfig) -> Self:
         """Look up all that the configuration names. Raises AdrlError."""
+        start = None if config.fine_tune is None else Start.of(config.fine_tune)
+        config = config if start is None else start.begun(config)
         scenario, robot = config.load(), load_robot(config.robot)
         guidance = config.resolved_guidance()
         return cls(
@@ -59,9 +65,10 @@ class Run:
             guidance=guidance,
             replanner=config.resolved_replanner(),
             encoder=config.encoder,
+            taken_as=robot if start is None else start.taken_as(robot),
             expert=find_expert(config.expert),
             simulator=find_simulator(config.env),
-            start=None if config.fine_tune is None else load_policy(resolve_policy(config.fine_tune)),
+            start=start,
             folder=config.out or _default_folder(config, scenario, robot, guidance),
         )
 
@@ -76,6 +83,7 @@ class Run:
             "task_pool": self.config.task_pool,
             "task_priority": 0.0,
             "encoder": self.encoder,
+            "taken_as": self.taken_as,
             "reward_config": learner.reward,
             "maturity": 0.0 if learner.measures_maturity else learner.static_maturity,
         }
@@ -103,12 +111,16 @@ class Run:
                     encoder=self.encoder,
                     replanner=self.replanner,
                     maturity=policy.config.maturity,
+                    taken_as=self.taken_as,
                 ),
                 num_threads=1,
                 rewards=Rewards(config=learner.reward, gamma=learner.td3.gamma, maturity=maturity),
             )
+            solved = result.episodes.success
+            limits_s = [task.time_limit_s for task in tasks()]
             return Validation(
-                success=success_rate(result.episodes),
+                success=float(solved.mean()),
+                seconds=float(np.where(solved, result.episodes.time_s, limits_s).mean()),
                 start=result.start,
                 discounted_return=float(result.discounted_return.mean()),
             )

@@ -124,7 +124,8 @@ def _train(
     imitates, probed = run.learner.schedule.imitates, run.learner.needs_probe
     shown = imitates or (probed and _no_more_is_shown(run))
     demonstrates = shown and run.config.dataset is None
-    planner = best_planner(env) if probed or demonstrates else None
+    drives = demonstrates or (probed and run.start is None)
+    planner = best_planner(env) if drives else None
     if planner is not None:
         env.expert = planner.controller
     demonstrations = _demonstrations(run, env) if shown else None
@@ -155,7 +156,8 @@ def _train(
             demonstrations=demonstrations if imitates else None,
             probe=probe,
             mirror=env.sim.encoder.mirror,
-            start=run.start,
+            start=None if run.start is None else run.start.policy,
+            keep_best=run.start is not None and run.simulator is None,
             evaluate=run.validation(),
             on_progress=on_progress,
             start_time_s=start_time_s,
@@ -166,13 +168,16 @@ def _train(
 
 def _probe(run: Run, planner: str, demonstrations: Demonstrations | None) -> Probe:
     """What chance earns, and the demonstrations: their expert's own drives from the probe's states, or theirs where
-    these are all there is.
+    these are all there is. Fine-tuning is measured against the policy that it begins with: no planner has to drive.
     """
     # Few tasks: a random policy's crashes would call for ever new ones, each to be made.
     task_pool = min(run.config.task_pool, PROBE_STATES)
     env = run.make_env(2 * PROBE_STATES, randomize=False, task_pool=task_pool)
     env.expert = planner
     seed, steps = run.learner.seed, probe_steps(run.learner.td3.gamma)
+    if run.start is not None:
+        start = run.start.policy
+        return record_probe(env, seed, steps, lambda: start.act(env.sim.observe()))
     probe = record_probe(env, seed, steps, run.expert.driver(env, seed).actions)
     if demonstrations is not None and _no_more_is_shown(run):
         return replace(probe, expert=as_shown(demonstrations, steps))

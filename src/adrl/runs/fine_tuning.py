@@ -1,0 +1,70 @@
+"""What fine-tuning takes over from the policy that it begins with."""
+
+import os
+from dataclasses import dataclass, replace
+from typing import Self
+
+from adrl.agents.methods import FOR_EVER, method_name
+from adrl.deploy.another_robot import as_trained
+from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
+from adrl.deploy.setup import setup_of
+from adrl.errors import ConfigError
+from adrl.observation import EncoderConfig
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.runs.config import RunConfig
+from adrl.simulators import NATIVE
+from adrl.types import RobotConfig
+
+WARM_UPDATES = 1000
+"""Updates of the critics before the policy that it begins with may change: cold ones would undo what it can."""
+VALIDATION_STEPS = 32_000
+"""Environment steps between two validations."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Start:
+    """The policy that a run begins with."""
+
+    policy: MlpPolicy
+    trained: RobotConfig
+    """The robot it was trained for, as it took it."""
+    encoder: EncoderConfig
+    replanner: ReplannerConfig
+
+    @classmethod
+    def of(cls, policy: str | os.PathLike[str]) -> Self:
+        """A policy by its folder or its name. Raises CheckpointError."""
+        actor = load_policy(resolve_policy(policy))
+        setup = setup_of(actor)
+        return cls(policy=actor, trained=setup.taken_as, encoder=setup.encoder, replanner=setup.replanner)
+
+    def taken_as(self, robot: RobotConfig) -> RobotConfig:
+        """A robot as the policy takes it."""
+        return as_trained(robot, self.trained)
+
+    def begun(self, config: RunConfig) -> RunConfig:
+        """The run that goes on where the policy ended: with its layers and encoder, and its replanner if none is given.
+
+        Raises ConfigError where the run asks for others, or for a method that changes no policy it is given.
+        """
+        learner, encoder, widths = config.learner, config.encoder, self.policy.config.widths
+        if config.resolved().critic_warmup_updates >= FOR_EVER:
+            raise ConfigError(
+                f"method {method_name(config.method)!r} clones alone, and fine-tuning would end as it began; "
+                "give another method, or leave out fine_tune"
+            )
+        mine = (encoder.fields(), EncoderConfig().fields()), (learner.td3.widths, type(learner.td3)().widths)
+        for name, (given, left_out), own in zip(
+            ("encoder", "td3.widths"), mine, (self.encoder.fields(), widths), strict=True
+        ):
+            if given not in (left_out, own):
+                raise ConfigError(
+                    f"{name} is {given}, and the policy of fine_tune has {own}; leave {name} out with fine_tune"
+                )
+        learner = replace(learner, td3=replace(learner.td3, widths=widths))
+        if learner.critic_warmup_updates == 0:
+            learner = replace(learner, critic_warmup_updates=WARM_UPDATES)
+        if learner.eval_interval_steps is None and config.env == NATIVE:
+            learner = replace(learner, eval_interval_steps=VALIDATION_STEPS)
+        replanner = self.replanner if config.replanner == ReplannerConfig() else config.replanner
+        return replace(config, encoder=self.encoder, replanner=replanner, learner=learner)
