@@ -35,6 +35,11 @@ class ProbeEnv:
         self._t = np.zeros(num_envs, np.int64)
         self.buffer = np.zeros((num_envs, 2), np.float32)
 
+    @property
+    def periods(self) -> NDArray[np.float64]:
+        """(N,) a step is a reference period."""
+        return np.ones(self.num_envs)
+
     def start(self) -> F32:
         """(N,) x at the start of an episode."""
         return np.zeros(self.num_envs, np.float32)

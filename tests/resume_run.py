@@ -18,7 +18,7 @@ from adrl.signals import stop_requests
 from probe_envs import PLAIN, Stumble, Walk, record_demonstrations
 
 NUM_ENVS = 4
-VALIDATION = Validation(success=0.5, start=np.zeros((3, 2), np.float32), discounted_return=0.25)
+VALIDATION = Validation(success=0.5, seconds=9.0, start=np.zeros((3, 2), np.float32), discounted_return=0.25)
 
 
 @dataclass(frozen=True)

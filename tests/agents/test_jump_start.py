@@ -14,6 +14,9 @@ from adrl.agents.jump_start import AVERAGED, STAGES, TOLERANCE, WINDOW, JumpStar
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import CheckpointError
 
+ONE = np.ones(1)
+"""A step is a reference period."""
+
 
 def says(value: float) -> MlpPolicy:
     """A policy with one action, whatever it sees."""
@@ -72,14 +75,24 @@ def test_the_guide_drives_ever_fewer_steps(
 ):
     rng = np.random.default_rng(seed)
     jump = JumpStart.start(horizon, robots)
-    assert jump.guided_steps == horizon
+    assert jump.guided_steps(ONE) == horizon
     for _ in range(200):
         step = rng.random(robots) < ends, rng.random(robots) < succeeds
         following = jump.after(*step)
-        assert following.guided_steps <= jump.guided_steps
+        assert following.guided_steps(ONE) <= jump.guided_steps(ONE)
         assert following.best >= jump.best
         assert following == JumpStart(**json.loads(json.dumps(jump._asdict()))).after(*step)
         jump = following
+
+
+@given(st.integers(1, 400), st.integers(0, STAGES), st.lists(st.floats(0.1, 3.0), min_size=1, max_size=5))
+def test_the_guide_drives_every_robot_for_the_same_time(horizon: int, stage: int, periods: list[float]):
+    jump = JumpStart.start(horizon, 4)._replace(stage=stage)
+    of_steps = np.array(periods)
+    guided = jump.guided_steps(of_steps)
+    assert (abs(guided * of_steps - horizon * stage / STAGES) <= 0.5 * of_steps + 1e-5 * of_steps).all()
+    own = JumpStart.start(horizon * of_steps[0], 4)._replace(stage=stage)
+    assert own.guided_steps(of_steps[:1]) == round(horizon * stage / STAGES)
 
 
 @given(st.integers(1, 200))
@@ -99,7 +112,7 @@ def test_equal_success_passes_every_stage_once_there_is_a_mark(share: float):
     assert (mark.stage, mark.best) == (STAGES, pytest.approx(round(100 * share) / 100))
     for stage in reversed(range(STAGES)):
         mark = windows_of(mark, share)
-        assert (mark.stage, mark.guided_steps) == (stage, 10 * stage)
+        assert (mark.stage, mark.guided_steps(ONE)) == (stage, 10 * stage)
     assert all_end(mark, 0) == mark
 
 
@@ -143,17 +156,19 @@ def test_the_guide_drives_the_first_steps_of_each_episode():
     acting = Acting(says(0.25), says(0.75))
     steps = np.array([0, 9, 10, 11], np.float32)
     observation, rng = np.zeros((4, 3), np.float32), np.random.default_rng(0)
-    action = explorer("jump-start", 10).act(acting, observation, steps, rng)
+    action = explorer("jump-start", 10).act(acting, observation, steps, np.ones(4), rng)
     assert_allclose(action[:, 0], [0.75, 0.75, 0.25, 0.25], rtol=1e-6)
     assert_allclose(
-        explorer("jump-start", 0).act(acting, observation, steps, rng), np.full((4, 2), 0.25), rtol=1e-6
+        explorer("jump-start", 0).act(acting, observation, steps, np.ones(4), rng),
+        np.full((4, 2), 0.25),
+        rtol=1e-6,
     )
 
 
 def test_a_proposal_is_weighed_against_what_the_actor_would_do():
     chosen = Acting(says(0.25), says(0.75), lambda observation, first, second: second - first)
     action = explorer("proposal", 10).act(
-        chosen, np.zeros((4, 3), np.float32), np.zeros(4, np.float32), np.random.default_rng(0)
+        chosen, np.zeros((4, 3), np.float32), np.zeros(4, np.float32), np.ones(4), np.random.default_rng(0)
     )
     assert_allclose(action, np.full((4, 2), 0.5), rtol=1e-6)
 

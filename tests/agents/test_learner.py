@@ -40,7 +40,7 @@ def fill(learner: Learner, steps: int, seed: int) -> None:
         action = rng.uniform(-1, 1, (4, 2)).astype(np.float32)
         terms = rng.normal(size=(4, 6)).astype(np.float32)
         features = rng.random((4, 3), dtype=np.float32)
-        learner.replay.add(observation, action, terms, features, successor, ended, ~ended, 0.5)
+        learner.replay.add(observation, action, terms, features, successor, ended, ~ended, 0.5, np.ones(4))
 
 
 def parameters(learner: Learner) -> list[np.ndarray]:
@@ -142,7 +142,7 @@ def test_eq_2_as_printed_follows_alpha_and_on_the_probe_does_not(eq2: Form, shar
     )
     for _ in range(40):
         observation, terms, features = nothing[:, :2], nothing[:, :6], nothing[:, 6:]
-        learner.replay.add(observation, action, terms, features, observation, ended, ended, 0.5)
+        learner.replay.add(observation, action, terms, features, observation, ended, ended, 0.5, np.ones(4))
     learner.update()
     learner.mature()
     assert learner.row()["statistic"] == pytest.approx(mean, abs=1e-5)

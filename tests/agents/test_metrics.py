@@ -198,13 +198,13 @@ def test_a_run_without_an_end_is_refused(tmp_path: Path, monkeypatch: pytest.Mon
 
 def test_tally_means_finished_episodes():
     tally = EpisodeTally.empty(3)
-    none = np.zeros(3, bool)
-    assert len(tally.add(f32([1, 2, 3]), none, none, 0.5)) == 0
+    none, half = np.zeros(3, bool), np.full(3, 0.5)
+    assert len(tally.add(f32([1, 2, 3]), none, none, half)) == 0
     assert tally.take() == {"return_mean": None, "train_success": None}
-    returns = tally.add(f32([1, 1, 1]), np.array([True, False, True]), np.array([True, False, False]), 0.5)
+    returns = tally.add(f32([1, 1, 1]), np.array([True, False, True]), np.array([True, False, False]), half)
     assert_allclose(returns, [((1.0 + 0.5 * 1.0) + 1.0) / 2, ((3.0 + 0.5 * 1.0) + 1.0) / 2])
     assert tally.take() == {"return_mean": (2.0 + 4.0) / 2, "train_success": 0.5}
-    returns = tally.add(f32([5, 5, 5]), np.array([True, True, False]), np.array([True, True, True]), 0.5)
+    returns = tally.add(f32([5, 5, 5]), np.array([True, True, False]), np.array([True, True, True]), half)
     second = ((2.0 + 0.5 * 1.0 + 0.25 * 5.0) + (1.0 + 0.5 * 5.0) + 5.0) / 3
     assert_allclose(returns, [5.0, second])
     assert tally.take() == {"return_mean": (5.0 + 8.0) / 2, "train_success": 1.0}

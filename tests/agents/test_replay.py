@@ -32,6 +32,7 @@ def fill(replay: Replay, steps: int, seed: int) -> list[deque[dict]]:
             "terminated": rng.random(n) < 0.15,
         }
         step["truncated"] = ~step["terminated"] & (rng.random(n) < 0.15)
+        step["periods"] = rng.choice([1.0, 0.5, 2.3], n)
         replay.add(**step, maturity=0.1 * t)
         step["maturity"] = np.full(n, 0.1 * t, np.float32)
         for e in range(n):
@@ -41,12 +42,13 @@ def fill(replay: Replay, steps: int, seed: int) -> list[deque[dict]]:
 
 def window(rows: list[dict], start: int, n_step: int) -> dict:
     """The window that starts at rows[start], one step at a time."""
-    signals, discounts = [], []
+    signals, discounts, elapsed = [], [], 0.0
     row = rows[start]
     for j in range(n_step):
         row = rows[start + j]
         signals.append(np.concatenate([row["terms"], row["features"], [row["maturity"]]]))
-        discounts.append(GAMMA**j)
+        discounts.append(GAMMA**elapsed)
+        elapsed += row["periods"]
         if row["terminated"] or row["truncated"]:
             break
     return {
@@ -55,7 +57,7 @@ def window(rows: list[dict], start: int, n_step: int) -> dict:
         "signals": np.array(signals),
         "step_discount": discounts + [0.0] * (n_step - len(discounts)),
         "bootstrap_observation": row["next_observation"],
-        "bootstrap_discount": 0.0 if row["terminated"] else GAMMA ** len(signals),
+        "bootstrap_discount": 0.0 if row["terminated"] else GAMMA**elapsed,
     }
 
 
@@ -96,6 +98,7 @@ def demonstrations(steps: int = 20, size: int = D) -> Demonstrations:
         features=rng.random((steps, 3), dtype=np.float32),
         terminated=ended & (np.arange(steps) < 10),
         truncated=ended & (np.arange(steps) >= 10),
+        periods=rng.choice([1.0, 0.5, 2.3], steps),
     )
 
 
@@ -112,6 +115,7 @@ def test_demonstrations_are_windows_too_and_stand_first_in_each_update():
             "next_observation": data.next_observation[i],
             "terminated": data.terminated[i],
             "truncated": data.truncated[i],
+            "periods": np.broadcast_to(data.periods, 20)[i],
             "maturity": 0.0,
         }
         for i in range(20)

@@ -152,7 +152,7 @@ def test_a_run_leaves_a_policy_and_rows(algorithm: str, tmp_path: Path) -> None:
     def evaluate(policy: Any, maturity: float) -> Validation:
         asked.append(policy)
         time.sleep(pause_s)
-        return Validation(success=0.5, start=start, discounted_return=0.25)
+        return Validation(success=0.5, seconds=9.0, start=start, discounted_return=0.25)
 
     config = small(eval_interval_steps=128)
     began_s = time.monotonic()

@@ -4,11 +4,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 
 from adrl.imitation.demonstrations import Demonstrations, column_shapes
-from adrl.imitation.probe import BoundsTable, as_shown, record_probe
+from adrl.imitation.probe import BoundsTable, Rollouts, as_shown, record_probe
 from adrl.rewards import RewardConfig, reward
 from probe_envs import PLAIN, Aim, Endless, Walk
 
@@ -72,6 +74,25 @@ def test_values_follow_the_weights_of_today():
     values = [probe.random.value(s, GAMMA, config) for s in (0.0, 1.0)]
     assert values == pytest.approx([by_hand(0.0), by_hand(1.0)], rel=1e-4)
     assert values[0] != pytest.approx(values[1], rel=1e-3)
+
+
+@given(
+    st.lists(st.sampled_from([0.25, 0.5, 1.0, 1.7, 3.0]), min_size=1, max_size=7),
+    st.integers(1, 30),
+    st.integers(0, 1000),
+)
+def test_every_row_is_discounted_by_the_length_of_its_own_steps(periods: list[float], steps: int, seed: int):
+    rng, rows = np.random.default_rng(seed), len(periods)
+    terms = np.zeros((steps, rows, 6), np.float32)
+    terms[:, :, 0] = rng.normal(size=(steps, rows))
+    alive = np.arange(steps)[:, None] < rng.integers(1, steps + 1, rows)
+    features = np.zeros((steps, rows, 3), np.float32)
+    rollouts = Rollouts(terms=terms, features=features, alive=alive, periods=np.array(periods))
+    returns = [
+        sum(GAMMA ** (t * periods[p]) * terms[t, p, 0] for t in range(steps) if alive[t, p])
+        for p in range(rows)
+    ]
+    assert_allclose(rollouts.value(0.5, GAMMA, PLAIN), np.mean(returns), rtol=1e-4, atol=1e-5)
 
 
 def test_what_recorded_drives_earned_by_hand():

@@ -12,7 +12,7 @@ from adrl.agents.interface import Mask
 from adrl.agents.jump_start import JumpStart
 from adrl.deploy.policy import MlpPolicy
 from adrl.errors import CheckpointError
-from adrl.types import ACTION_SIZE
+from adrl.types import ACTION_SIZE, Array
 
 F32 = NDArray[np.float32]
 Choice = Callable[[F32, F32, F32], F32]
@@ -33,15 +33,17 @@ class Acting:
 class Explorer:
     """Gaussian noise on the actor's action, of another size in each row; and what a guide drives instead."""
 
-    def __init__(self, config: TrainConfig, num_envs: int, longest_demonstration: int) -> None:
-        """longest_demonstration: in steps, see JumpStart.horizon."""
+    def __init__(self, config: TrainConfig, num_envs: int, longest_demonstration: float) -> None:
+        """longest_demonstration: in reference periods, see JumpStart.horizon."""
         self._noise_std = np.linspace(*config.exploration_std, num_envs, dtype=np.float32)[:, None]
         self._jumps = config.guide == "jump-start"
         self._jump = JumpStart.start(longest_demonstration if self._jumps else 0, num_envs)
 
-    def act(self, acting: Acting | None, observation: F32, steps: F32, rng: np.random.Generator) -> F32:
-        """(N, 2) actions. acting: None as long as nothing has been learnt, and actions are uniform. steps: (N,) of the
-        episodes so far."""
+    def act(
+        self, acting: Acting | None, observation: F32, steps: F32, periods: Array, rng: np.random.Generator
+    ) -> F32:
+        """(N, 2) actions. acting: None as long as nothing has been learnt, and actions are uniform. steps: (N,)
+        of the episodes so far, of so many reference periods (N,) each."""
         shape = (len(observation), ACTION_SIZE)
         if acting is None:
             return rng.uniform(-1.0, 1.0, shape).astype(np.float32)
@@ -51,7 +53,7 @@ class Explorer:
             return action
         if acting.choose is not None:
             return acting.choose(observation, action, acting.guide.act(observation))
-        guided = steps < self._jump.guided_steps
+        guided = steps < self._jump.guided_steps(periods)
         return np.where(guided[:, None], acting.guide.act(observation), action)
 
     def count(self, ended: Mask, success: Mask) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.deploy.policy import MlpPolicy
+from adrl.types import Array
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -18,6 +19,11 @@ class TrainEnv(Protocol):
     """What the loop needs of a vector environment (SAME_STEP autoreset); NavVectorEnv offers it."""
 
     num_envs: int
+
+    @property
+    def periods(self) -> Array:
+        """(N,) length of the next step of each row in reference periods, in which rewards and discounts are meant."""
+        ...
 
     @property
     def maturity(self) -> float:

@@ -1,7 +1,8 @@
 """The curriculum of jump-start reinforcement learning (Uchendu et al. 2022, algorithm 1).
 
-A guide drives the first h steps of each episode, the actor the rest. h begins at the length of the longest
-demonstration and shrinks by a tenth of that whenever both together do as well as they ever did.
+A guide drives the first h steps of each episode, the actor the rest; here h counts reference periods, so that it is the
+same time for every robot. h begins at the length of the longest demonstration and shrinks by a tenth of that whenever
+both together do as well as they ever did.
 """
 
 from typing import NamedTuple, Self
@@ -9,6 +10,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from adrl.agents.interface import Mask
+from adrl.types import Array
 
 STAGES = 10
 """n of the paper: h takes this many values above 0."""
@@ -27,8 +29,8 @@ class JumpStart(NamedTuple):
     first instead would be short ones, and those of robots that crash.
     """
 
-    horizon: int
-    """Steps that the guide drives at first."""
+    horizon: float
+    """Reference periods that the guide drives at first."""
     awaited: list[int]
     """(N,) episodes of each robot until the window has all of its own: one more if one runs that began before."""
     stage: int = STAGES
@@ -43,14 +45,15 @@ class JumpStart(NamedTuple):
     """The highest average of AVERAGED windows so far."""
 
     @classmethod
-    def start(cls, horizon: int, num_envs: int) -> Self:
+    def start(cls, horizon: float, num_envs: int) -> Self:
         """As all robots begin their first episode."""
         return cls(horizon, [_episodes_each(num_envs)] * num_envs)
 
-    @property
-    def guided_steps(self) -> int:
-        """h, the steps at the beginning of an episode that the guide drives."""
-        return round(self.horizon * self.stage / STAGES)
+    def guided_steps(self, periods: Array) -> Array:
+        """(N,) h, the steps at the beginning of an episode that the guide drives, of robots whose steps are so many
+        reference periods (N,) long."""
+        # The horizon is so many steps of some robot: for it what is not whole is the arithmetic's.
+        return np.rint(np.round(self.horizon / periods * self.stage / STAGES, 6))
 
     def after(self, ended: Mask, success: Mask) -> Self:
         """After a step of all robots, (N,) each: at the end of a window, on to the next stage if it went well."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from adrl.errors import CheckpointError
 from adrl.rewards import RewardConfig, reward, reward_terms, weights
+from adrl.types import Array
 
 F32 = NDArray[np.float32]
 
@@ -101,16 +102,18 @@ class EpisodeTally:
         running, to_go, length = np.zeros((3, num_envs), np.float32)
         return cls(running, to_go, length)
 
-    def add(self, rewards: F32, ended: NDArray[np.bool_], success: NDArray[np.bool_], gamma: float) -> F32:
-        """Count one step of all rows: (N,) each.
+    def add(self, rewards: F32, ended: NDArray[np.bool_], success: NDArray[np.bool_], discount: Array) -> F32:
+        """Count one step of all rows: (N,) each. discount: of a step of each row, see step_discounts.
 
         Returns what the episodes that it ended earned, in the order of their rows: the mean over their steps of the
         discounted return from there, as the probe's bounds are means over states along the way. A reward after k
-        steps counts gamma^j, j = 0 ... k.
+        steps counts discount^j, j = 0 ... k.
         """
         self.running += rewards
         self.length += 1.0
-        counts = self.length if gamma == 1.0 else (1.0 - gamma**self.length) / (1.0 - gamma)
+        cut = (1.0 - discount).astype(np.float32)
+        counts = (1.0 - discount.astype(np.float32) ** self.length) / np.where(cut > 0.0, cut, 1.0)
+        counts = np.where(cut > 0.0, counts, self.length)
         self.to_go += rewards * counts
         returns = self.to_go[ended] / self.length[ended]
         if ended.any():

@@ -19,7 +19,8 @@ from adrl.errors import CheckpointError, DatasetError
 from adrl.imitation.demonstrations import Demonstrations
 from adrl.observation import Mirror
 from adrl.rewards import RewardConfig, reward_terms
-from adrl.types import ACTION_SIZE
+from adrl.rewards.step import step_discounts
+from adrl.types import ACTION_SIZE, Array
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -45,10 +46,10 @@ class Replay:
         reward: RewardConfig | None = None,
         maturity: float = 0.0,
     ) -> None:
-        """rows: T, at least n_step. n_step, gamma: of the targets. mirror: every other row that is sampled is
-        mirrored by it. failure_share: of the online rows sampled, those that lead to a failure. reward: whose R terms
-        and F features are kept, the plain one when None.
-        maturity: S of the reward weights before anything is learnt, for the literal eq 17 of the demonstrations.
+        """rows: T, at least n_step. n_step, gamma: of the targets, gamma a reference period. mirror: every other row
+        that is sampled is mirrored by it. failure_share: of the online rows sampled, those that lead to a failure.
+        reward: whose R terms and F features are kept, the plain one when None. maturity: S of the reward weights before
+        anything is learnt, for the literal eq 17 of the demonstrations.
         Raises DatasetError if D, R or F differ."""
         self._mirror, self._failure_share = mirror, failure_share
         self._failures = Failures()
@@ -58,7 +59,7 @@ class Replay:
         self.rows = max(rows, n_step)
         self.num_envs = num_envs
         self.expert_steps = 0 if demonstrations is None else len(demonstrations.observation)
-        self._discounts = [np.float32(gamma**k) for k in range(n_step + 1)]
+        self._gamma = gamma
         self._ring = num_envs * self.rows
         size = self._ring + self.expert_steps
         # np.zeros takes memory only as it is written.
@@ -68,12 +69,15 @@ class Replay:
             "action": np.zeros((size, ACTION_SIZE), np.float32),
             "signals": np.zeros((size, self._num_terms + self._num_features + 1), np.float32),
             "ending": np.zeros(size, np.uint8),
+            "discount": np.zeros(size, np.float64),
         }
         shape = num_envs, self.rows
         self._online = {
             name: a[: self._ring].reshape(*shape, *a.shape[1:]) for name, a in self._store.items()
         }
         self._labels = np.zeros((self.expert_steps, ACTION_SIZE), np.float32)
+        self.longest_demonstration = 0.0
+        """Reference periods of the longest episode of the demonstrations; 0 without any."""
         self.steps = 0
         """Rows written since the start of the run."""
         if demonstrations is not None:
@@ -95,6 +99,9 @@ class Replay:
                     f"demonstrations: a step has {recorded} {what}, the run's reward {wanted}; "
                     "collect them with the run's reward"
                 )
+        periods = np.broadcast_to(data.periods, len(data))
+        ended_at = np.cumsum(periods)[data.ended]
+        self.longest_demonstration = float(np.diff(ended_at, prepend=0.0).max())
         stored = np.full((len(data), 1), maturity)
         sources = {
             "observation": data.observation,
@@ -102,16 +109,11 @@ class Replay:
             "action": data.action,
             "signals": np.concatenate([data.reward_terms, data.features, stored], axis=1),
             "ending": _ending(data.terminated, data.truncated),
+            "discount": step_discounts(self._gamma, periods),
         }
         for name, source in sources.items():
             self._store[name][self._ring :] = source
         self._labels[:] = data.expert_action
-
-    @property
-    def longest_demonstration(self) -> int:
-        """Steps of the longest episode of the demonstrations; 0 without any."""
-        ends = np.flatnonzero(self._store["ending"][self._ring :] != CONTINUES)
-        return int(np.diff(ends, prepend=-1).max(initial=0))
 
     def add(
         self,
@@ -123,9 +125,10 @@ class Replay:
         terminated: Mask,
         truncated: Mask,
         maturity: float,
+        periods: Array,
     ) -> None:
         """Write one step of all N environments. next_observation: the true successors, before any reset; maturity:
-        S of today's reward weights, for the literal eq 17."""
+        S of today's reward weights, for the literal eq 17; periods: (N,) its length in reference periods."""
         online, head = self._online, self.head
         online["observation"][:, head] = observation
         online["next_observation"][:, head] = next_observation
@@ -133,6 +136,7 @@ class Replay:
         online["signals"][:, head, : self._num_terms] = terms
         online["signals"][:, head, self._num_terms : -1] = features
         online["signals"][:, head, -1] = maturity
+        online["discount"][:, head] = step_discounts(self._gamma, periods)
         online["ending"][:, head] = _ending(terminated, truncated)
         self._failures.add(self.steps, terminated & (terms[:, FAILURE_TERM] < 0.0))
         self.steps += 1
@@ -200,16 +204,16 @@ class Replay:
         A window stops after the step that ends its episode, terminated or truncated; it bootstraps from that
         step's successor, unless it terminated.
         """
-        ending = self._take("ending", windows)
+        ending, discount = self._take("ending", windows), self._take("discount", windows)
         step_discount = np.empty(windows.shape, np.float32)
-        step_discount[..., 0] = self._discounts[0]
+        step_discount[..., 0] = 1.0
         alive = np.ones(windows.shape[:-1], bool)
         last, last_ending = windows[..., 0], ending[..., 0]
-        bootstrap = np.full(windows.shape[:-1], self._discounts[1])
+        bootstrap = discount[..., 0]
         for j in range(1, self.n_step):
             alive = alive & (ending[..., j - 1] == CONTINUES)
-            step_discount[..., j] = alive * self._discounts[j]
-            bootstrap = np.where(alive, self._discounts[j + 1], bootstrap)
+            step_discount[..., j] = alive * bootstrap
+            bootstrap = np.where(alive, bootstrap * discount[..., j], bootstrap)
             last = np.where(alive, windows[..., j], last)
             last_ending = np.where(alive, ending[..., j], last_ending)
         first = windows[..., 0]
@@ -225,7 +229,7 @@ class Replay:
             signals=self._take("signals", windows),
             step_discount=step_discount,
             bootstrap_observation=successor,
-            bootstrap_discount=bootstrap * (last_ending != TERMINATED),
+            bootstrap_discount=np.where(last_ending != TERMINATED, bootstrap, 0.0).astype(np.float32),
             target_noise=noise,
         )
 
@@ -252,8 +256,11 @@ class Replay:
     def checksum(self) -> int:
         """Of the demonstrations: a resumed run must be given the same."""
         total = zlib.crc32(self._labels.tobytes())
-        for array in self._store.values():
-            total = zlib.crc32(array[self._ring :].tobytes(), total)
+        for name, array in self._store.items():
+            if (
+                name != "discount"
+            ):  # what discounts follow from is the run's own, and of before there are none
+                total = zlib.crc32(array[self._ring :].tobytes(), total)
         return total
 
     def state(self) -> dict[str, NDArray[Any]]:

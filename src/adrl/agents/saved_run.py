@@ -30,7 +30,7 @@ class Tally(TypedDict, total=False):
 class Curriculum(TypedDict, total=False):
     """Numbers of jump_start.JumpStart."""
 
-    horizon: Count
+    horizon: Annotated[float, Meta(ge=0.0)]
     awaited: list[Count]
     stage: Count
     succeeded: Count

@@ -43,6 +43,7 @@ from adrl.imitation.probe import Probe
 from adrl.json_files import checked
 from adrl.observation import Mirror
 from adrl.rewards import reward
+from adrl.rewards.step import step_discounts
 
 F32 = NDArray[np.float32]
 
@@ -68,12 +69,12 @@ def train(
 
     policy_config: what is saved with the policy (input_size, widths and maturity are filled in here).
     demonstrations: D2, for methods that imitate. probe: measures S, where the method follows it. mirror: of the
-    observations of a symmetric robot. start: the actor to begin with. keep_best: it is validated first, and what is left
-    in the end is the best of all that were validated; validation is part of the budget then. start_time_s: of
-    time.monotonic(); wall clock and max_seconds count from it, otherwise without validation. resume: from the newest checkpoint, or from the start if there is
-    none. stopped: whether to leave a checkpoint and end before the budget is spent, asked between steps. Raises
-    ConfigError, also for a budget that ends before the first update; BudgetSpent for one that a finished run has had;
-    TrainingStopped; CheckpointError, DatasetError.
+    observations of a symmetric robot. start: the actor to begin with. keep_best: it is validated first, and what is
+    left in the end is the best of all that were validated. start_time_s: of time.monotonic(); wall clock and
+    max_seconds count from it, validation left out but where it decides what is kept. resume: from the newest
+    checkpoint, or from the start if there is none. stopped: whether to leave a checkpoint and end before the budget is
+    spent, asked between steps. Raises ConfigError, also for a budget that ends before the first update; BudgetSpent for
+    one that a finished run has had; TrainingStopped; CheckpointError, DatasetError.
     """
     budget.require_end(config)
     started_s = time.monotonic() if start_time_s is None else start_time_s
@@ -189,19 +190,24 @@ class _Run:
         self.env.maturity = learner.maturity
         if self._env_steps >= self.config.start_steps and learner.replay.ready:
             self._update()
-        self._step(self._explorer.act(acting, self._observation, self._tally.length, self._rng))
+        length, periods = self._tally.length, self.env.periods
+        self._step(self._explorer.act(acting, self._observation, length, periods, self._rng))
         self.tell()
         self._report()
 
     def _step(self, action: F32) -> None:
+        periods = np.array(
+            self.env.periods
+        )  # of the robots that make this step: an episode's end may bring others
         observation, terminated, truncated, info = self.env.advance(action)
         terms, features, maturity = info["reward_terms"], info["features"], self.learner.reward_maturity
         self.learner.replay.add(
-            self._observation, action, terms, features, info["next_obs"], terminated, truncated, maturity
+            *(self._observation, action, terms, features, info["next_obs"]),
+            *(terminated, truncated, maturity, periods),
         )
         rewards = reward(terms, features, maturity, self.config.reward)
-        ended, gamma = terminated | truncated, self.config.td3.gamma
-        returns = self._tally.add(rewards, ended, info["success"], gamma)
+        ended, discount = terminated | truncated, step_discounts(self.config.td3.gamma, periods)
+        returns = self._tally.add(rewards, ended, info["success"], discount)
         self._explorer.count(ended, info["success"])
         # The robots that explore least tell best what the actor itself would earn.
         self._returns = returns[np.flatnonzero(ended) < max(len(ended) // 4, 1)].tolist()
@@ -350,9 +356,14 @@ class _Run:
         try:
             state = checked(saved.state, SavedRun)
             today = identity(self.config, self._policy_config)
+            replay = saved.part("replay")
+            if "discount" not in replay:  # of before: gamma was that of a step of the only robot
+                discount = float(step_discounts(self.config.td3.gamma, self.env.periods[:1])[0])
+                today["td3"]["gamma"] = discount
+                replay = replay | {"discount": np.full(replay["ending"].shape, discount)}
             checkpoint.require_same(saved.path, identity_of_before(state["config"]), today)
             self.learner.restore(saved.part("learner"), state["learner"])
-            self.learner.replay.set_state(saved.part("replay"))
+            self.learner.replay.set_state(replay)
             self.env.set_state(saved.part("env"))
             loop = saved.part("loop")
             self._observation = loop.pop("observation")

@@ -28,6 +28,7 @@ from adrl.baselines.tuned import TUNED
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError, UnknownName
+from adrl.rewards.step import step_discounts
 
 require_sb3()
 
@@ -133,10 +134,15 @@ def make_model(
     torch.set_num_threads(1)
     kind: Any = ALGORITHMS[algorithm]  # each has a constructor of its own
     options = _on_policy(config) if algorithm == "PPO" else _off_policy(algorithm, config)
-    options |= {"gamma": config.td3.gamma} | dict(TUNED[algorithm] if tuned is None else tuned)
+    options |= {"gamma": _step_discount(config, env)} | dict(TUNED[algorithm] if tuned is None else tuned)
     if habits:
         options = with_habits(algorithm, options, config, env.sim.encoder.mirror, env.num_envs)
     return kind(env=Sb3VecEnv(env), seed=config.seed, device="cpu", **options)
+
+
+def _step_discount(config: TrainConfig, env: NavVectorEnv) -> float:
+    """gamma of a step of the only robot."""
+    return float(step_discounts(config.td3.gamma, env.periods[:1])[0])
 
 
 def _off_policy(algorithm: str, config: TrainConfig) -> dict[str, Any]:
@@ -255,7 +261,10 @@ def train_sb3(
     model = make_model(algorithm, env, config, tuned, habits=habits)
     actor = averaged(acting(model)) if habits else acting(model)
     setup_s = time.monotonic() - started_s
-    watch = _Watch(config, env.num_envs, out, policy_config, evaluate, on_progress, started_s, actor)
+    discount = _step_discount(config, env)
+    watch = _Watch(
+        config, env.num_envs, out, policy_config, evaluate, on_progress, started_s, actor, discount
+    )
     try:
         model.learn(total_timesteps=config.steps or ENDLESS, callback=watch)
         seconds = watch.wall_s()
@@ -287,6 +296,7 @@ class _Watch(BaseCallback):
         on_progress: Callable[[float], None] | None,
         started_s: float,
         actor: torch.nn.Module,
+        discount: float,
     ) -> None:
         super().__init__()
         self._config, self._policy_config, self._actor = config, policy_config, actor
@@ -295,6 +305,7 @@ class _Watch(BaseCallback):
         self.tally = EpisodeTally.empty(num_envs)
         self.log = MetricsLog(out)
         self._logged_at = 0
+        self._discount = discount
 
     @property
     def updates(self) -> int:
@@ -309,7 +320,7 @@ class _Watch(BaseCallback):
         done, infos = self.locals["dones"], self.locals["infos"]
         success = np.array([info.get("is_success", False) for info in infos])
         rewards = np.asarray(self.locals["rewards"], np.float32)
-        self.tally.add(rewards, done, success, self._config.td3.gamma)
+        self.tally.add(rewards, done, success, np.full(len(done), self._discount))
         last = self.num_timesteps, len(done)
         evaluation_due = self._evaluate is not None and crossed(*last, self._config.eval_interval_steps)
         if evaluation_due or crossed(*last, self._config.log_interval_steps):

@@ -24,6 +24,7 @@ from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.registry import look_up
 from adrl.rewards import RewardConfig, Step, features, terms
+from adrl.rewards.step import reference_period_s
 from adrl.rewards.terms import STAGNATION_WINDOW
 from adrl.simulators import Body
 from adrl.types import Array, RobotConfig, Task
@@ -136,6 +137,12 @@ class NavSim:
     def guidance(self) -> str:
         """That of all rows. Raises ConfigError where there are several."""
         return self._only("guidances", {kind.guidance: None for kind in self.kinds})
+
+    @property
+    def periods(self) -> Array:
+        """(N,) length of a step of each row's present robot, in reference periods: what is paid and discounted for."""
+        robots = self.rows.robot
+        return robots.control_period_s / reference_period_s(robots.max_speed_mps)
 
     @property
     def num_threads(self) -> int:

@@ -20,7 +20,6 @@ from adrl.observation import EncoderConfig
 from adrl.planning.local_control import DWA
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward, reward_terms
-from adrl.rewards.step import reference_period_s
 from adrl.types import ACTION_SIZE, RobotConfig, Scenario, Task
 from adrl.worlds import get_scenario, load_robot, robot_from_fields
 
@@ -149,8 +148,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
     @property
     def periods(self) -> NDArray[np.float64]:
         """(N,) length of a step of each row's present robot, in reference periods: what is paid and discounted for."""
-        robots = self.sim.rows.robot
-        return robots.control_period_s / reference_period_s(robots.max_speed_mps)
+        return self.sim.periods
 
     @property
     def maturity(self) -> float:

@@ -14,6 +14,7 @@ from adrl.errors import TaskError
 from adrl.evaluation.metrics import Episodes
 from adrl.observation import Encoder, EncoderConfig
 from adrl.rewards import RewardConfig, reward
+from adrl.rewards.step import step_discounts
 from adrl.types import Array, Policy, RobotConfig, Task
 
 F32 = NDArray[np.float32]
@@ -62,7 +63,7 @@ class Rollout:
     start: F32
     """(E, D) observations of the start states."""
     discounted_return: Array
-    """(E,) sum_t gamma^t R_t; zeros where no rewards were asked for."""
+    """(E,) sum_t gamma^t R_t, t in reference periods; zeros where no rewards were asked for."""
     replans: NDArray[np.int64]
     """(E,) interventions of the replanner in each episode; 0 without guidance `replan`."""
 
@@ -73,7 +74,7 @@ class Rewards:
 
     config: RewardConfig
     gamma: float
-    """Discount a step."""
+    """Discount a reference period."""
     maturity: float
     """S of the weights (eqs 14-16)."""
 
@@ -165,7 +166,7 @@ def _drive(
     on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None,
 ) -> tuple[dict[str, NDArray[np.generic]], list[Array], Array]:
     n = sim.num_envs
-    earned, discount = np.zeros(n), 1.0
+    earned, discount = np.zeros(n), np.ones(n)
     tasks = [task for task in sim.tasks if task is not None]
     ending = np.zeros((3, n), dtype=bool)
     least_clearance = sim.b["least_clearance"].copy()
@@ -194,7 +195,7 @@ def _drive(
         if rewards is not None:
             paid = reward(outcome.reward_terms, outcome.features, rewards.maturity, rewards.config)
             earned += discount * active * paid
-            discount *= rewards.gamma
+            discount *= step_discounts(rewards.gamma, sim.periods)
         ending |= np.stack([outcome.reached, outcome.collided, outcome.timed_out]) & active
         sim.b["active"][ending.any(axis=0)] = 0
         trace.append(sim.b["pose"][:keep, :2].copy())

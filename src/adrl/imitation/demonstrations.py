@@ -12,7 +12,7 @@ from adrl.imitation.bursts import Bursts
 from adrl.imitation.experts import PERFECT, Expert, find_expert
 from adrl.ranges import Range, check_ranges
 from adrl.rewards import FEATURES
-from adrl.types import ACTION_SIZE
+from adrl.types import ACTION_SIZE, Array
 
 if TYPE_CHECKING:
     from adrl.envs import NavVectorEnv
@@ -67,6 +67,8 @@ class Demonstrations:
     """(M,) arrived or collided."""
     truncated: Mask
     """(M,) cut off: by the time limit, or by the end of the recording."""
+    periods: Array | float = 1.0
+    """(M,) length of a step in reference periods (adrl.rewards.step), or one for all."""
 
     def __post_init__(self) -> None:
         steps = len(self.observation)
@@ -148,6 +150,7 @@ def collect(
     while not extent.reached:
         label = driver.actions()
         action = driver.within_reach(label + offsets.step())
+        periods = env.periods
         following, terminated, truncated, info = env.advance(action)
         given_up = driver.given_up & ~(terminated | truncated)
         if given_up.any():
@@ -162,6 +165,7 @@ def collect(
             "features": info["features"],
             "terminated": terminated,
             "truncated": truncated,
+            "periods": periods,
         }
         steps.append({name: np.array(column) for name, column in step.items()})
         observation = following

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from adrl.imitation.demonstrations import Demonstrations
 from adrl.imitation.schedule import Bounds
 from adrl.rewards import RewardConfig, reward
+from adrl.types import Array
 
 F32 = NDArray[np.float32]
 
@@ -22,6 +23,11 @@ class ProbeEnv(Protocol):
     """What a vector environment must offer to be probed; NavVectorEnv does."""
 
     num_envs: int
+
+    @property
+    def periods(self) -> Array:
+        """(N,) length of a step of each row's present robot, in reference periods."""
+        ...
 
     def reset(self, *, seed: int | None = None) -> tuple[F32, dict[str, Any]]:
         """Start new episodes in every row."""
@@ -54,12 +60,17 @@ class Rollouts:
     """(T, P, F) features of the states in which the actions were taken."""
     alive: NDArray[np.bool_]
     """(T, P) whether the step belongs to the row's first episode."""
+    periods: Array
+    """(P,) length of a row's steps in reference periods."""
 
     def value(self, maturity: float, gamma: float, config: RewardConfig) -> float:
-        """Mean over the rows of the discounted return under the weights of S = maturity."""
-        discount = gamma ** np.arange(len(self.alive))
+        """Mean over the rows of the discounted return under the weights of S = maturity. gamma: a reference period."""
         rewards = reward(self.terms, self.features, maturity, config) * self.alive  # (T, P)
-        return float((discount @ rewards).mean())
+        returns, steps = np.empty(len(self.periods)), np.arange(len(self.alive))
+        for periods in np.unique(self.periods):
+            rows = self.periods == periods
+            returns[rows] = (gamma ** float(periods)) ** steps @ rewards[:, rows]
+        return float(returns.mean())
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -103,7 +114,7 @@ MOST_STOPS = 1024
 
 
 def probe_steps(gamma: float) -> int:
-    """Steps after which CUT_SHARE of a discounted return is left: what they would add is little."""
+    """Steps, discounted by gamma each, after which CUT_SHARE of a return is left: what they would add is little."""
     return LONGEST if gamma >= 1.0 else min(round(math.log(CUT_SHARE) / math.log(max(gamma, 1e-6))), LONGEST)
 
 
@@ -131,9 +142,12 @@ def record_probe(env: ProbeEnv, seed: int, max_steps: int, act: Callable[[], F32
         chosen[:half] = held
         return chosen
 
-    both = _record(env, actions, max_steps)
+    periods = np.array(env.periods)
+    terms, features, alive = _record(env, actions, max_steps)
     random, expert = (
-        Rollouts(terms=both.terms[:, rows], features=both.features[:, rows], alive=both.alive[:, rows])
+        Rollouts(
+            terms=terms[:, rows], features=features[:, rows], alive=alive[:, rows], periods=periods[rows]
+        )
         for rows in (slice(half), slice(half, 2 * half))
     )
     return Probe(observation=observation[:half], random=random, expert=expert)
@@ -160,7 +174,10 @@ def as_shown(demonstrations: Demonstrations, max_steps: int) -> Rollouts:
     alive = step < end
     step = np.where(alive, step, start)
     return Rollouts(
-        terms=demonstrations.reward_terms[step], features=demonstrations.features[step], alive=alive
+        terms=demonstrations.reward_terms[step],
+        features=demonstrations.features[step],
+        alive=alive,
+        periods=np.broadcast_to(demonstrations.periods, len(demonstrations))[start],
     )
 
 
@@ -182,7 +199,8 @@ def _along_routes(
     return chosen, state
 
 
-def _record(env: ProbeEnv, act: Callable[[int], F32], max_steps: int) -> Rollouts:
+def _record(env: ProbeEnv, act: Callable[[int], F32], max_steps: int) -> tuple[F32, F32, NDArray[np.bool_]]:
+    """Terms, features and alive of Rollouts, of all rows."""
     alive = np.ones(env.num_envs, dtype=bool)
     terms, features, mask = [], [], []
     for step in range(max_steps):
@@ -193,4 +211,4 @@ def _record(env: ProbeEnv, act: Callable[[int], F32], max_steps: int) -> Rollout
         alive &= ~(terminated | truncated)
         if not alive.any():
             break
-    return Rollouts(terms=np.stack(terms), features=np.stack(features), alive=np.stack(mask))
+    return np.stack(terms), np.stack(features), np.stack(mask)

@@ -26,6 +26,11 @@ def reference_period_s(max_speed_mps: Array | float) -> Array | float:
     return max(0.1, 0.06 / max_speed_mps)
 
 
+def step_discounts(gamma: float, periods: Array) -> NDArray[np.float64]:
+    """(N,) discounts of steps of so many reference periods each: gamma^periods."""
+    return np.array([gamma**number for number in np.asarray(periods, dtype=np.float64).tolist()])
+
+
 @dataclass(frozen=True, kw_only=True)
 class Step:
     """What one control period did to N robots. Arrays are (N,); distances are to the policy's goal.

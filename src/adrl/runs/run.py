@@ -3,7 +3,7 @@
 import functools
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
@@ -19,7 +19,6 @@ from adrl.imitation import Expert, find_expert
 from adrl.imitation.best_planner import Trial
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
-from adrl.rewards.step import reference_period_s
 from adrl.runs.config import RunConfig
 from adrl.runs.fine_tuning import Start
 from adrl.runs.record import about_policy
@@ -37,7 +36,7 @@ class Run:
     scenario: Scenario
     robot: RobotConfig
     learner: TrainConfig
-    """As the method has it, with the discount of the robot's control period."""
+    """As the method has it."""
     guidance: str
     replanner: ReplannerConfig
     encoder: EncoderConfig
@@ -61,7 +60,7 @@ class Run:
             config=config,
             scenario=scenario,
             robot=robot,
-            learner=_with_horizon_of(config.resolved(), robot),
+            learner=config.resolved(),
             guidance=guidance,
             replanner=config.resolved_replanner(),
             encoder=config.encoder,
@@ -126,12 +125,6 @@ class Run:
             )
 
         return evaluate
-
-
-def _with_horizon_of(learner: TrainConfig, robot: RobotConfig) -> TrainConfig:
-    """The learner with gamma for the robot: control periods differ, and slow robots look ahead for longer."""
-    gamma = learner.td3.gamma ** (robot.control_period_s / reference_period_s(robot.max_speed_mps))
-    return replace(learner, td3=replace(learner.td3, gamma=gamma))
 
 
 def _default_folder(config: RunConfig, scenario: Scenario, robot: RobotConfig, guidance: str) -> Path:

@@ -19,6 +19,7 @@ from adrl.imitation import Demonstrations, Source, collect, load_minari
 from adrl.imitation.best_planner import best_planner
 from adrl.imitation.probe import Probe, as_shown, probe_steps, record_probe
 from adrl.outputs import locked, require_folder
+from adrl.rewards.step import step_discounts
 from adrl.runs.config import RunConfig
 from adrl.runs.record import versions
 from adrl.runs.run import Run
@@ -174,7 +175,7 @@ def _probe(run: Run, planner: str, demonstrations: Demonstrations | None) -> Pro
     task_pool = min(run.config.task_pool, PROBE_STATES)
     env = run.make_env(2 * PROBE_STATES, randomize=False, task_pool=task_pool)
     env.expert = planner
-    seed, steps = run.learner.seed, probe_steps(run.learner.td3.gamma)
+    seed, steps = run.learner.seed, probe_steps(step_discounts(run.learner.td3.gamma, env.periods).max())
     if run.start is not None:
         start = run.start.policy
         return record_probe(env, seed, steps, lambda: start.act(env.sim.observe()))
@@ -192,7 +193,7 @@ def _no_more_is_shown(run: Run) -> bool:
 def _demonstrations(run: Run, env: NavVectorEnv) -> Demonstrations:
     config = run.config
     if config.dataset is not None:
-        return load_minari(config.dataset, Source.of(env))
+        return replace(load_minari(config.dataset, Source.of(env)), periods=float(env.periods[0]))
     if config.demonstration_steps == 0:
         raise ConfigError(
             f"method {method_name(config.method)!r} needs demonstrations; demonstration_steps is 0"
