@@ -16,7 +16,8 @@ import pytest
 import resume_run
 from adrl.agents import checkpoint
 from adrl.agents.budget import BudgetSpent
-from adrl.agents.interface import Progress, TrainingStopped
+from adrl.agents.interface import Progress, TrainingStopped, Validation
+from adrl.deploy.policy import MlpPolicy, load_policy
 from adrl.errors import CheckpointError, ConfigError
 from adrl.imitation.probe import record_probe
 from probe_envs import Walk
@@ -55,15 +56,18 @@ def run_until(out: Path, calls: int, resume: bool, kind: resume_run.Kind) -> boo
     """Run and die in the given call of a hook, counted over all of them; False if it ended before."""
     left = calls
 
-    def die(*args: object) -> Any:
+    def die(*args: object) -> None:
         nonlocal left
         left -= 1
         if left == 0:
             raise Killed
-        return resume_run.VALIDATION
+
+    def evaluate(policy: MlpPolicy, maturity: float) -> Validation:
+        die()
+        return resume_run.scored(policy, maturity)
 
     try:
-        resume_run.run(out, STEPS, resume, on_progress=die, evaluate=die, kind=kind)
+        resume_run.run(out, STEPS, resume, on_progress=die, evaluate=evaluate, kind=kind)
     except Killed:
         return True
     return False
@@ -105,6 +109,21 @@ def test_mirror_and_failures_are_in_that_run(tmp_path: Path):
     for i, each in enumerate(kinds):
         resume_run.run(tmp_path / str(i), 120, kind=each)
     assert len({outcome(tmp_path / str(i))[0] for i in range(3)}) == 3
+
+
+def test_the_best_of_all_that_were_validated_is_left(tmp_path: Path):
+    seen: dict[bytes, float] = {}
+
+    def evaluate(policy: MlpPolicy, maturity: float) -> Validation:
+        validated = resume_run.scored(policy, maturity)
+        seen[policy.layers[1][0].tobytes()] = validated.success
+        return validated
+
+    left = resume_run.run(tmp_path, STEPS, evaluate=evaluate, kind=resume_run.KINDS["fine-tuning"]).policy
+    assert len(seen) == 1 + STEPS // 120
+    assert next(iter(seen)) == resume_run.start().layers[1][0].tobytes()
+    assert left.layers[1][0].tobytes() == max(seen, key=lambda layers: seen[layers])
+    assert (load_policy(tmp_path).layers[1][0] == left.layers[1][0]).all()
 
 
 def test_a_finished_run_goes_on_for_longer(tmp_path: Path, never_killed: Outcome):

@@ -75,8 +75,9 @@ def test_a_run_resumed_with_other_worlds_is_another_run(folder: Path) -> None:
 
 def test_fine_tuning_inherits_them(folder: Path, tmp_path: Path) -> None:
     first = config_of(RunConfig(barn=folder, barn_held_out=1))
-    layers = [(np.zeros((1, size), np.float32), np.zeros(size, np.float32)) for size in (1, 2)]
-    MlpPolicy(layers, dataclasses.replace(first, widths=(1,))).save(tmp_path / "first")
+    sizes = (44, 1), (1, 2)
+    layers = [(np.zeros(size, np.float32), np.zeros(size[1], np.float32)) for size in sizes]
+    MlpPolicy(layers, dataclasses.replace(first, input_size=44, widths=(1,))).save(tmp_path / "first")
     tuned = training_worlds(config_of(RunConfig(scenario="cellular", fine_tune=tmp_path / "first")))
     assert tuned == training_worlds(first) != set()
     assert training_worlds(config_of(RunConfig(scenario="cellular", fine_tune=Path("default")))) == set()

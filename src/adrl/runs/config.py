@@ -38,8 +38,8 @@ class RunConfig(Place):
     """What moves and senses the robots of training: a simulator's name (adrl list). Ours is native; the others do not
     randomise, and Gazebo is set up by scripts/gazebo-chroot. Probe and validation are in ours either way."""
     fine_tune: Path | None = None
-    """Run folder of a policy to begin with, or default: fine-tuning. It is held until the critics are warm, see
-    critic_warmup_updates."""
+    """Run folder of a policy to begin with, or a shipped one: fine-tuning. What is left is the best of all that were
+    validated, the first among them. It is held until the critics are warm: critic_warmup_updates, 500 for 0."""
     out: Path | None = None
     """Run folder; runs/METHOD-SCENARIO-ROBOT-GUIDANCE-sSEED when left out."""
     resume: bool = False
@@ -52,8 +52,9 @@ class RunConfig(Place):
     """Draw tasks that failed lately more often: chances are 0.1 + task_priority * failure rate; 0 for all alike."""
     expert: Annotated[str | Expert, tyro.conf.arg(constructor=str)] = PERFECT
     """Who demonstrates: NAME or NAME:NUMBER, as slow:0.5 (adrl list), or the object."""
-    demonstration_steps: Annotated[int, Range(0, 100_000_000)] = 10_000
-    """Environment steps of demonstrations to collect, 0 to 1e+08; of the expert few its drives, whatever they take."""
+    demonstration_steps: Annotated[int, Range(0, 100_000_000)] | None = None
+    """Environment steps of demonstrations to collect, 0 to 1e+08; of the expert few its drives, whatever they take.
+    Left out: 10000, and 3000 with fine_tune."""
     dataset: Path | None = None
     """Minari dataset of demonstrations to use instead of collecting them."""
     validation_episodes: Annotated[int, Range(1, 1_000_000)] = 100

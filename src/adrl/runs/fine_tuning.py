@@ -15,10 +15,13 @@ from adrl.runs.config import RunConfig
 from adrl.simulators import NATIVE
 from adrl.types import RobotConfig
 
-WARM_UPDATES = 1000
+WARM_UPDATES = 500
 """Updates of the critics before the policy that it begins with may change: cold ones would undo what it can."""
 VALIDATION_STEPS = 32_000
 """Environment steps between two validations."""
+
+DEMONSTRATION_STEPS = 3000
+"""A slow planner's are a third of half a minute."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,5 +69,7 @@ class Start:
             learner = replace(learner, critic_warmup_updates=WARM_UPDATES)
         if learner.eval_interval_steps is None and config.env == NATIVE:
             learner = replace(learner, eval_interval_steps=VALIDATION_STEPS)
+        if config.demonstration_steps is None:
+            config = replace(config, demonstration_steps=DEMONSTRATION_STEPS)
         replanner = self.replanner if config.replanner == ReplannerConfig() else config.replanner
         return replace(config, encoder=self.encoder, replanner=replanner, learner=learner)

@@ -27,6 +27,9 @@ from adrl.types import RobotConfig, Scenario, Task
 from adrl.worlds import load_robot, task_set
 
 
+DEMONSTRATION_STEPS = 10_000
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Run:
     """What a run is made of."""
@@ -54,6 +57,8 @@ class Run:
         """Look up all that the configuration names. Raises AdrlError."""
         start = None if config.fine_tune is None else Start.of(config.fine_tune)
         config = config if start is None else start.begun(config)
+        if config.demonstration_steps is None:
+            config = replace(config, demonstration_steps=DEMONSTRATION_STEPS)
         scenario, robot = config.load(), load_robot(config.robot)
         guidance = config.resolved_guidance()
         return cls(
@@ -71,6 +76,11 @@ class Run:
             folder=config.out or _default_folder(config, scenario, robot, guidance),
         )
 
+    @property
+    def num_threads(self) -> int:
+        """0, one a core, for fine-tuning, which is waited for; 1 for others, of which several run side by side."""
+        return 1 if self.start is None else 0
+
     def make_env(self, num_envs: int, **options: Any) -> NavVectorEnv:
         """The environment of training, with the learner's reward and first S. options: of NavVectorEnv."""
         learner = self.learner
@@ -85,6 +95,7 @@ class Run:
             "taken_as": self.taken_as,
             "reward_config": learner.reward,
             "maturity": 0.0 if learner.measures_maturity else learner.static_maturity,
+            "num_threads": self.num_threads,
         }
         return NavVectorEnv(num_envs, **given | options)
 
@@ -112,7 +123,7 @@ class Run:
                     maturity=policy.config.maturity,
                     taken_as=self.taken_as,
                 ),
-                num_threads=1,
+                num_threads=self.num_threads,
                 rewards=Rewards(config=learner.reward, gamma=learner.td3.gamma, maturity=maturity),
             )
             solved = result.episodes.success
