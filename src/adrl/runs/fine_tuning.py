@@ -20,9 +20,6 @@ WARM_UPDATES = 500
 VALIDATION_STEPS = 32_000
 """Environment steps between two validations."""
 
-DEMONSTRATION_STEPS = 3000
-"""A slow planner's are a third of half a minute."""
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Start:
@@ -69,7 +66,5 @@ class Start:
             learner = replace(learner, critic_warmup_updates=WARM_UPDATES)
         if learner.eval_interval_steps is None and config.env == NATIVE:
             learner = replace(learner, eval_interval_steps=VALIDATION_STEPS)
-        if config.demonstration_steps is None:
-            config = replace(config, demonstration_steps=DEMONSTRATION_STEPS)
         replanner = self.replanner if config.replanner == ReplannerConfig() else config.replanner
         return replace(config, encoder=self.encoder, replanner=replanner, learner=learner)

@@ -39,6 +39,7 @@ def about_policy(
     """
     config, learner, name = run.config, run.learner, method_name(run.config.method)
     settings = asdict(replace(config, robot=run.robot.name, guidance=run.guidance))
+    settings |= {"demonstration_steps": run.demonstration_steps}
     settings |= {"method": name, "expert": str(run.expert)}
     replans_as_printed = run.guidance != "replan" or run.replanner == run.replanner.literal()
     return PolicyConfig(

@@ -27,9 +27,6 @@ from adrl.types import RobotConfig, Scenario, Task
 from adrl.worlds import load_robot, task_set
 
 
-DEMONSTRATION_STEPS = 10_000
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Run:
     """What a run is made of."""
@@ -57,8 +54,6 @@ class Run:
         """Look up all that the configuration names. Raises AdrlError."""
         start = None if config.fine_tune is None else Start.of(config.fine_tune)
         config = config if start is None else start.begun(config)
-        if config.demonstration_steps is None:
-            config = replace(config, demonstration_steps=DEMONSTRATION_STEPS)
         scenario, robot = config.load(), load_robot(config.robot)
         guidance = config.resolved_guidance()
         return cls(
@@ -80,6 +75,12 @@ class Run:
     def num_threads(self) -> int:
         """0, one a core, for fine-tuning, which is waited for; 1 for others, of which several run side by side."""
         return 1 if self.start is None else 0
+
+    @property
+    def demonstration_steps(self) -> int:
+        """Steps to collect where none are said: few for fine-tuning, as a slow planner's would take half of it."""
+        given = self.config.demonstration_steps
+        return given if given is not None else (10_000 if self.start is None else 3_000)
 
     def make_env(self, num_envs: int, **options: Any) -> NavVectorEnv:
         """The environment of training, with the learner's reward and first S. options: of NavVectorEnv."""

@@ -194,8 +194,8 @@ def _demonstrations(run: Run, env: NavVectorEnv) -> Demonstrations:
     config = run.config
     if config.dataset is not None:
         return replace(load_minari(config.dataset, Source.of(env)), periods=float(env.periods[0]))
-    if config.demonstration_steps == 0:
+    if run.demonstration_steps == 0:
         raise ConfigError(
             f"method {method_name(config.method)!r} needs demonstrations; demonstration_steps is 0"
         )
-    return collect(env, config.demonstration_steps, expert=run.expert, seed=config.learner.seed)
+    return collect(env, run.demonstration_steps, expert=run.expert, seed=config.learner.seed)

@@ -1,0 +1,94 @@
+"""A run that begins with a policy: what it takes over, what it refuses, and that it ends no worse."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adrl.agents.config import Td3Config, TrainConfig
+from adrl.deploy.another_robot import as_trained
+from adrl.deploy.policies import find_policy
+from adrl.deploy.policy import load_policy, resolve_policy
+from adrl.errors import ConfigError
+from adrl.observation import EncoderConfig, ObservationEncoder
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.runs import RunConfig
+from adrl.runs.run import Run
+from adrl.types import LidarConfig
+from adrl.worlds import ROBOTS
+from small_run import finished_run, run_cli
+
+DEFAULT = Path("default")
+SHORT = replace(ROBOTS["diffbot"], name="short", lidar=LidarConfig(max_range_m=3.0), min_speed_mps=-0.2)
+
+
+@pytest.mark.parametrize("robot", [ROBOTS["jackal"], SHORT], ids=lambda robot: robot.name)
+def test_the_policy_sees_the_robot_as_it_will_when_it_is_evaluated(tmp_path: Path, robot):
+    """Scans and commands have the scales that it knows, before, during and after the run."""
+    run = Run.of(RunConfig(robot=robot, fine_tune=DEFAULT))
+    start = load_policy(resolve_policy("default"))
+    assert run.taken_as == find_policy(start).taken_as(robot) == as_trained(robot, ROBOTS["diffbot"])
+    about = replace(run.about_policy(), input_size=44)
+    replace_config = type(start)(start.layers, about)
+    replace_config.save(tmp_path)
+    tuned = find_policy(tmp_path)
+    assert tuned.robot == robot, "it drives its own robot where none is named"
+    assert tuned.taken_as(robot) == run.taken_as
+    env = run.make_env(4, task_pool=2, seed=0)
+    env.reset()
+    ranges, goal, twist, last_action, history = env.sim.measured()[:5]
+    expected = ObservationEncoder(run.taken_as, run.encoder).encode(ranges, goal, twist, last_action, history)
+    np.testing.assert_array_equal(env.sim.observe(), expected)
+    assert ranges.max() <= np.float32(6.0)
+
+
+def test_encoder_layers_and_replanner_are_the_policys():
+    jackal = load_policy(resolve_policy("jackal"))
+    run = Run.of(RunConfig(robot="jackal", scenario="cellular", fine_tune=Path("jackal")))
+    assert run.encoder.fields() == jackal.config.encoder
+    assert run.learner.td3.widths == jackal.config.widths
+    assert run.replanner == find_policy("jackal").replanner != ReplannerConfig()
+    own = ReplannerConfig(lookahead_m=1.0)
+    assert Run.of(RunConfig(fine_tune=Path("jackal"), replanner=own)).replanner == own
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"encoder": EncoderConfig(num_sectors=24)}, r"encoder is .*24.*leave encoder out"),
+        ({"learner": TrainConfig(td3=Td3Config(widths=(64, 64)))}, r"td3.widths is \(64, 64\).*\(128, 128\)"),
+        ({"method": "bc"}, "'bc' clones alone"),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else None,
+)
+def test_what_does_not_fit_the_policy_is_one_line(changes: dict, told: str):
+    with pytest.raises(ConfigError, match=told) as caught:
+        Run.of(RunConfig(fine_tune=DEFAULT, **changes))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.integration
+def test_a_run_ends_no_worse_than_it_began_and_says_so(
+    tmp_path_factory: pytest.TempPathFactory, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    start, out = finished_run(tmp_path_factory), tmp_path / "tuned"
+    arguments = ("train", "--fine-tune", start, "--robot", "turtlebot3_burger", "--scenario", "clutter")
+    sizes = (
+        *("--steps", 1024, "--num-envs", 32, "--task-pool", 8, "--start-steps", 128),
+        *("--validation-episodes", 8, "--eval-interval-steps", 512, "--demonstration-steps", 256),
+    )
+    assert run_cli(*arguments, *sizes, "--out", out) == 0
+    told = json.loads((out / "config.json").read_text())
+    scores = told["fine_tuning"]
+    assert scores["kept"]["success"] >= scores["start"]["success"]
+    rows = [json.loads(line) for line in (out / "metrics.jsonl").read_text().splitlines()]
+    validated = {row["env_steps"]: row["success"] for row in rows if row["success"] is not None}
+    assert set(validated) == {0, 512, 1024}
+    assert validated[scores["kept"]["env_steps"]] == max(validated.values())
+    assert told["robot"]["name"] == "turtlebot3_burger"
+    assert "to begin with" in capsys.readouterr().err
+    # Weights of the start are left as they were where nothing was better.
+    same = (out / "policy.safetensors").read_bytes() == (start / "policy.safetensors").read_bytes()
+    assert same == (scores["kept"]["env_steps"] == 0)
