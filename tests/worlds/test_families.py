@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +61,10 @@ def test_a_family_holds_its_shares_and_fills_its_ranges() -> None:
         return sum(flags) / len(flags)
 
     assert share([robot.radius_m is not None for robot in robots]) == pytest.approx(0.5, abs=0.08)
-    assert share([robot.min_speed_mps == 0.0 for robot in robots]) == pytest.approx(0.5, abs=0.08)
+    assert share([robot.min_speed_mps == 0.0 for robot in robots]) == pytest.approx(0.45, abs=0.08)
+    cars = [robot for robot in robots if robot.is_car]
+    assert share([robot.is_car for robot in robots if robot.radius_m is None]) == pytest.approx(0.2, abs=0.08)
+    assert all(robot.radius_m is None and robot.min_speed_mps < 0.0 for robot in cars)
     assert share([robot.lidar.fov_rad == 2.0 * math.pi for robot in robots]) == pytest.approx(0.43, abs=0.08)
     for values, (low, high) in (
         ([robot.max_speed_mps for robot in robots], ANY.max_speed_mps),
@@ -83,8 +87,8 @@ def test_a_narrower_range_leaves_the_other_numbers_as_they_are() -> None:
     narrow = RobotFamily(lidar=LidarFamily(noise_std_m=(0.0, 0.0)))
     for number in range(20):
         robot = ANY.draw("train", number)
-        lidar = dataclasses.replace(robot.lidar, noise_std_m=0.0)
-        assert narrow.draw("train", number) == dataclasses.replace(robot, lidar=lidar)
+        lidar = replace(robot.lidar, noise_std_m=0.0)
+        assert narrow.draw("train", number) == replace(robot, lidar=lidar)
 
 
 OUTSIDE = {
@@ -129,7 +133,15 @@ def test_shares_of_all_or_nothing_are_ranges_too() -> None:
     assert boxes.outside(both_ways) == ("radius_m 0.2; the family has rectangles only",)
     assert discs.outside(both_ways) == ("min_speed_mps -0.3; the family drives forward only",)
     assert discs.outside(ROBOTS["jackal"]) == ("footprint_m; the family has discs only",)
-    assert "drives forward only; the family drives both ways" in boxes.outside(RobotConfig())[-1]
+    assert boxes.outside(RobotConfig())[-1] == "min_speed_mps 0; the family drives both ways"
+    car = replace(ROBOTS["jackal"], min_turning_radius_m=1.0)
+    assert ANY.outside(car) == ("min_speed_mps 0; the family's cars drive both ways",)
+    assert ANY.outside(replace(car, min_speed_mps=-1.0)) == ()
+    assert ANY.outside(replace(car, min_speed_mps=-1.0, min_turning_radius_m=3.0)) == (
+        "min_turning_radius_m 3; the family has 0.5 to 1.5",
+    )
+    on_the_spot = RobotFamily(car_share=0.0)
+    assert on_the_spot.outside(car) == ("min_turning_radius_m 1; the family turns on the spot",)
 
 
 CARTS = """

@@ -90,6 +90,10 @@ class RobotFamily:
     odometry_drift: Annotated[Span, _of(RobotConfig, "odometry_drift")] = (0.0, 0.05)
     control_period_s: Annotated[Span, _of(RobotConfig, "control_period_s")] = (0.05, 0.2)
     """5 to 20 Hz."""
+    car_share: Annotated[float, SHARE] = 0.2
+    """Share of rectangles that steer like a car, and drive both ways; the others turn on the spot."""
+    min_turning_radius_m: Annotated[Span, _of(RobotConfig, "min_turning_radius_m")] = (0.5, 1.5)
+    """Of those."""
     lidar: LidarFamily = field(default_factory=LidarFamily)
 
     def __post_init__(self) -> None:
@@ -130,16 +134,29 @@ class RobotFamily:
             for name, value, what, (low, high) in self._measures(robot)
             if not low - 1e-6 * abs(low) <= value <= high + 1e-6 * abs(high)
         ]
-        if robot.radius_m is not None and self.disc_share == 0.0:
-            lines.insert(0, f"radius_m {_text(robot.radius_m)}; the family has rectangles only")
-        if robot.radius_m is None and self.disc_share == 1.0:
-            lines.insert(0, "footprint_m; the family has discs only")
-        if robot.min_speed_mps == 0.0 and self.forward_only_share == 0.0:
-            lines.append("min_speed_mps 0: drives forward only; the family drives both ways")
-        if robot.min_speed_mps < 0.0 and self.forward_only_share == 1.0:
-            lines.append(f"min_speed_mps {_text(robot.min_speed_mps)}; the family drives forward only")
+        lines += [line for line, holds in self._kinds(robot).items() if holds]
         reason = unsound(robot)
         return (*lines, *([] if reason is None else [reason]))
+
+    def _kinds(self, robot: RobotConfig) -> dict[str, bool]:
+        """What kinds of robots the family does not have, and whether this is one of them."""
+        disc, reverse, radius = robot.radius_m is not None, robot.min_speed_mps, robot.min_turning_radius_m
+        back, curve = f"min_speed_mps {_text(reverse)}", f"min_turning_radius_m {_text(radius)}"
+        cars = self.car_share > 0.0 and self.disc_share < 1.0
+        return {
+            f"radius_m {_text(robot.radius_m or 0.0)}; the family has rectangles only": disc
+            and self.disc_share == 0.0,
+            "footprint_m; the family has discs only": not disc and self.disc_share == 1.0,
+            f"{back}; the family drives both ways": reverse == 0.0 and self.forward_only_share == 0.0,
+            f"{back}; the family drives forward only": reverse < 0.0
+            and self.forward_only_share == 1.0
+            and not robot.is_car,
+            f"{curve}; the family turns on the spot": robot.is_car and not cars,
+            f"{curve}; the family's cars are rectangles": robot.is_car and cars and disc,
+            f"{back}; the family's cars drive both ways": robot.is_car and cars and reverse == 0.0,
+            f"{curve}; the family's rectangles are cars": not (robot.is_car or disc)
+            and self.car_share == 1.0,
+        }
 
     def _drawn(self, seed: np.random.SeedSequence, name: str) -> RobotConfig:
         """One robot, sound or not. Raises ConfigError."""
@@ -156,7 +173,8 @@ class RobotFamily:
             corners = [(middle + x * half[0], y * half[1]) for x, y in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
             body = {"radius_m": None, "footprint_m": tuple(corners)}
         speed, turn = at("max_speed_mps"), at("max_yaw_rate_radps")
-        both_ways = at("forward_only_share") >= self.forward_only_share
+        is_car = body["radius_m"] is None and at("car_share") < self.car_share
+        both_ways = is_car or at("forward_only_share") >= self.forward_only_share
         fov = draw("fov_rad")
         if (
             draw("full_circle_share") < self.lidar.full_circle_share
@@ -169,6 +187,7 @@ class RobotFamily:
             max_speed_mps=speed,
             min_speed_mps=-speed * at("reverse_share") if both_ways else 0.0,
             max_yaw_rate_radps=turn,
+            min_turning_radius_m=at("min_turning_radius_m") if is_car else 0.0,
             max_acceleration_mps2=speed / at("braking_s"),
             max_yaw_acceleration_radps2=turn / at("yaw_braking_s"),
             lag_s=at("lag_s"),
@@ -214,6 +233,8 @@ class RobotFamily:
         if robot.min_speed_mps < 0.0:
             share = -robot.min_speed_mps / robot.max_speed_mps
             yield "min_speed_mps", share, "backward speed, as a share of the forward one", self.reverse_share
+        if robot.is_car and self.car_share > 0.0:
+            yield "min_turning_radius_m", robot.min_turning_radius_m, "", self.min_turning_radius_m
         yield "max_yaw_rate_radps", robot.max_yaw_rate_radps, "", self.max_yaw_rate_radps
         stop_s = robot.max_speed_mps / robot.max_acceleration_mps2
         yield "max_acceleration_mps2", stop_s, "seconds from full speed to standing", self.braking_s
