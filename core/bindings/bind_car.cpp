@@ -2,8 +2,7 @@
 #include <nanobind/stl/unique_ptr.h>
 
 #include "arrays.hpp"
-#include "footprint.hpp"
-#include "planning/car_planner.hpp"
+#include "car.hpp"
 
 using namespace adrl;
 
@@ -30,22 +29,20 @@ nb::ndarray<nb::numpy, double> reeds_shepp_pieces(Triple from, Triple to, double
     return array;
 }
 
-// A planner and the size of its grids.
+// A car's planner and the size of its grids.
 struct BoundCarPlanner {
+    CarModel model;
     CarPlanner planner;
     std::size_t height, width;
 };
 
-std::unique_ptr<BoundCarPlanner> make_car_planner(double radius, const In<double, Rows2> &corners,
-                                                  double turning_radius, bool backward, double margin, int height,
-                                                  int width, double resolution) {
-    if (!(turning_radius > 0.0)) throw nb::value_error("turning_radius_m is not positive");
-    if (!(margin >= 0.0 && resolution > 0.0))
-        throw nb::value_error("margin_m is negative or resolution_m not positive");
+std::unique_ptr<BoundCarPlanner> make_car_planner(const Robot &robot, double margin, int height, int width,
+                                                  double resolution) {
+    if (!(resolution > 0.0)) throw nb::value_error("resolution_m is not positive");
     if (height < 1 || width < 1) throw nb::value_error("height or width is not positive");
-    const Car car{make_footprint(radius, corners), turning_radius, backward, margin};
-    return std::unique_ptr<BoundCarPlanner>(new BoundCarPlanner{
-        CarPlanner(car, height, width, resolution), static_cast<std::size_t>(height), static_cast<std::size_t>(width)});
+    return std::unique_ptr<BoundCarPlanner>(
+        new BoundCarPlanner{CarModel(car_of(robot, margin), resolution), CarPlanner(height, width, resolution),
+                            static_cast<std::size_t>(height), static_cast<std::size_t>(width)});
 }
 
 nb::ndarray<nb::numpy, double> plan_car(BoundCarPlanner &self, const In<float, nb::shape<-1, -1>> &clearance,
@@ -59,7 +56,7 @@ nb::ndarray<nb::numpy, double> plan_car(BoundCarPlanner &self, const In<float, n
     bool found = false;
     {
         const nb::gil_scoped_release release;
-        found = self.planner.plan({clearance.data(), {x, y}}, from, {goal_x, goal_y});
+        found = self.planner.plan(self.model, {clearance.data(), {x, y}}, from, {goal_x, goal_y});
     }
     const std::vector<Pose> none;
     const std::vector<Pose> &poses = found ? self.planner.poses() : none;
@@ -78,8 +75,7 @@ nb::ndarray<nb::numpy, double> plan_car(BoundCarPlanner &self, const In<float, n
 void bind_car(nb::module_ &m) {
     m.def("reeds_shepp", &reeds_shepp_pieces, nb::arg("start"), nb::arg("goal"), nb::arg("radius_m"));
     nb::class_<BoundCarPlanner>(m, "CarPlanner")
-        .def(nb::new_(&make_car_planner), nb::arg("radius_m"), nb::arg("footprint").noconvert(),
-             nb::arg("turning_radius_m"), nb::arg("backward"), nb::arg("margin_m"), nb::arg("height"), nb::arg("width"),
+        .def(nb::new_(&make_car_planner), nb::arg("robot"), nb::arg("margin_m"), nb::arg("height"), nb::arg("width"),
              nb::arg("resolution_m"))
         .def("plan", &plan_car, nb::arg("clearance_m").noconvert(), nb::arg("origin_m"), nb::arg("start"),
              nb::arg("goal"))

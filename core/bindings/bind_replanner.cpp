@@ -9,6 +9,7 @@
 #include "arrays.hpp"
 #include "bound_control.hpp"
 #include "buffers.hpp"
+#include "car.hpp"
 #include "kinds.hpp"
 #include "planning/replanner.hpp"
 
@@ -240,7 +241,8 @@ void bind_replanner(nb::module_ &m) {
             "__init__",
             [](ReplannerSetup *self, int height, int width, double resolution, const Evidence &evidence,
                std::tuple<int, double, double> beams, std::tuple<double, double, double> mount, double max_range,
-               double reach, double body_radius, const RouteCosts &costs, const WaypointRules &waypoint) {
+               double reach, double body_radius, const RouteCosts &costs, const WaypointRules &waypoint,
+               const Robot *car, double car_margin) {
                 const auto [num_beams, angle_min, increment] = beams;
                 if (num_beams < 1 || num_beams > 2048) throw nb::value_error("a LiDAR has 1 to 2048 beams");
                 require_finite({angle_min, increment}, "beams");
@@ -253,11 +255,12 @@ void bind_replanner(nb::module_ &m) {
                                           reach,
                                           body_radius,
                                           costs,
-                                          waypoint};
+                                          waypoint,
+                                          car ? std::optional(car_of(*car, car_margin)) : std::nullopt};
             },
             nb::kw_only(), nb::arg("height"), nb::arg("width"), nb::arg("resolution_m"), nb::arg("evidence"),
             nb::arg("beams"), nb::arg("mount"), nb::arg("max_range_m"), nb::arg("reach_m"), nb::arg("body_radius_m"),
-            nb::arg("costs"), nb::arg("waypoint"));
+            nb::arg("costs"), nb::arg("waypoint"), nb::arg("car").none() = nb::none(), nb::arg("car_margin_m") = 0.0);
     nb::class_<BoundReplanner>(m, "Replanner")
         .def(nb::new_(&make_replanner), nb::arg("num_robots"), nb::arg("num_threads"), nb::arg("setups"),
              nb::arg("buffers"))

@@ -1,6 +1,7 @@
 #include "planning/car_planner.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -16,14 +17,15 @@ constexpr double kCheck = 0.05;                      // metres between two poses
 constexpr double kFine = 0.01;                       // and at least
 constexpr double kCover = 0.01;                      // metres by which the balls may miss the footprint's rim
 constexpr double kLeave = 1.0; // metres from the start within which it may be as near to obstacles as there
-constexpr int kMostNodes = 1 << 18;
-constexpr std::uint32_t kSlots = 1U << 19;
 constexpr GearCosts kCosts{1.0, 0.5};
 constexpr double kCurveReach = 12.0; // metres from the goal within which curves to it are tried
 constexpr double kGoodEnough = 1.03; // a path that costs no more than so many times what any other must is taken
 constexpr double kFar = 1e9;
 
 int gear_of(const CarPiece &piece) { return piece.length == 0.0 ? kEitherGear : (piece.length < 0.0 ? -1 : 1); }
+
+// Of the grid, to a cell of the search.
+int cells_a_side(double resolution) { return std::max(1, static_cast<int>(std::lround(kCell / resolution))); }
 
 template <class Item>
 bool later(const Item &a, const Item &b) {
@@ -32,35 +34,37 @@ bool later(const Item &a, const Item &b) {
 
 } // namespace
 
-CarPlanner::CarPlanner(const Car &car, int height, int width, double resolution)
-    : car_(car), height_(height), width_(width), resolution_(resolution),
-      balls_(footprint_balls(car.footprint, kCover)) {
-    inner_ = car.footprint.radius;
+CarModel::CarModel(const Car &of, double resolution) : car(of), balls(footprint_balls(of.footprint, kCover)) {
+    inner = car.footprint.radius;
     const std::vector<Vec2> &corners = car.footprint.corners;
     for (std::size_t k = 0; k < corners.size(); ++k) {
         const Vec2 e = corners[(k + 1) % corners.size()] - corners[k];
-        inner_ = std::max(0.0, std::min(inner_, cross(corners[k], e) / norm(e)));
+        inner = std::max(0.0, std::min(inner, cross(corners[k], e) / norm(e)));
     }
-    const int each = std::max(1, static_cast<int>(std::lround(kCell / resolution)));
-    coarse_ = each * resolution;
-    coarse_height_ = (height + each - 1) / each;
-    coarse_width_ = (width + each - 1) / each;
     // Far enough to leave a cell, and to turn by a heading.
-    step_ = std::max(1.6 * coarse_, 1.1 * kHeading * car.turning_radius);
-    arc_ = std::min(step_, kMostTurn * car.turning_radius);
+    step = std::max(1.6 * cells_a_side(resolution) * resolution, 1.1 * kHeading * car.turning_radius);
+    arc = std::min(step, kMostTurn * car.turning_radius);
     // Between two poses no place of the footprint comes nearer to anything than the margin spares, but for what the
     // clearance at a cell's centre may be too much.
     const double spare = car.margin - 0.72 * resolution;
-    check_ = std::clamp(2.0 * spare / (1.0 + car.footprint.radius / car.turning_radius), kFine, kCheck);
+    check = std::clamp(2.0 * spare / (1.0 + car.footprint.radius / car.turning_radius), kFine, kCheck);
+}
+
+CarPlanner::CarPlanner(int height, int width, double resolution, int most_poses)
+    : height_(height), width_(width), resolution_(resolution), most_poses_(static_cast<std::size_t>(most_poses)) {
+    const int each = cells_a_side(resolution);
+    coarse_ = each * resolution;
+    coarse_height_ = (height + each - 1) / each;
+    coarse_width_ = (width + each - 1) / each;
     const auto cells = static_cast<std::size_t>(coarse_height_) * coarse_width_;
     distance_.resize(cells);
     passable_.resize(cells);
     cells_heap_.reserve(8 * cells);
-    heap_.reserve(kMostNodes);
-    nodes_.reserve(kMostNodes);
-    table_.assign(kSlots, {0, 0, -1});
-    anchors_.reserve(kMostNodes);
-    poses_.reserve(1 << 14);
+    heap_.reserve(most_poses_);
+    nodes_.reserve(most_poses_);
+    table_.assign(std::bit_ceil(2 * most_poses_), {0, 0, -1});
+    anchors_.reserve(most_poses_);
+    poses_.reserve(kMostCorners);
 }
 
 float CarPlanner::clearance_at(double x, double y) const {
@@ -72,13 +76,13 @@ float CarPlanner::clearance_at(double x, double y) const {
 
 // Metres by which the footprint at a pose has more clearance than the margin; below 0 where it has less.
 double CarPlanner::slack_at(const Pose &pose) const {
-    double least = clearance_at(pose.x, pose.y) - car_.footprint.radius - car_.margin;
-    if (least >= 0.0 || balls_.size() == 1) return least;
+    double least = clearance_at(pose.x, pose.y) - model_->car.footprint.radius - model_->car.margin;
+    if (least >= 0.0 || model_->balls.size() == 1) return least;
     const double c = std::cos(pose.theta), s = std::sin(pose.theta);
     least = kFar;
-    for (const Ball &ball : balls_) {
+    for (const Ball &ball : model_->balls) {
         const double at = clearance_at(pose.x + c * ball.x - s * ball.y, pose.y + s * ball.x + c * ball.y);
-        least = std::min(least, at - ball.radius - kCover - car_.margin);
+        least = std::min(least, at - ball.radius - kCover - model_->car.margin);
         if (least < start_slack_) break;
     }
     return least;
@@ -91,9 +95,9 @@ bool CarPlanner::free_at(const Pose &pose) const {
 }
 
 bool CarPlanner::drives_free(const Pose &from, const CarPiece &piece) const {
-    const int pieces = std::max(1, static_cast<int>(std::ceil(std::abs(piece.length) / check_)));
+    const int pieces = std::max(1, static_cast<int>(std::ceil(std::abs(piece.length) / model_->check)));
     for (int k = 1; k <= pieces; ++k) {
-        if (!free_at(drive_piece(from, piece, piece.length * k / pieces, car_.turning_radius))) return false;
+        if (!free_at(drive_piece(from, piece, piece.length * k / pieces, model_->car.turning_radius))) return false;
     }
     return true;
 }
@@ -102,15 +106,14 @@ bool CarPlanner::curve_free(const Pose &from, const CarCurve &curve) const {
     Pose at = from;
     for (int k = 0; k < curve.count; ++k) {
         if (!drives_free(at, curve.pieces[k])) return false;
-        at = drive_piece(at, curve.pieces[k], curve.pieces[k].length, car_.turning_radius);
+        at = drive_piece(at, curve.pieces[k], curve.pieces[k].length, model_->car.turning_radius);
     }
     return true;
 }
 
 // The ways on the grid from the goal, for a disc that fits into the footprint: Dijkstra's, octile moves.
 void CarPlanner::measure_distances() {
-    const int each = static_cast<int>(std::lround(coarse_ / resolution_));
-    const double needed = inner_;
+    const int each = cells_a_side(resolution_);
     for (int row = 0; row < coarse_height_; ++row) {
         for (int column = 0; column < coarse_width_; ++column) {
             float most = 0.0F;
@@ -118,7 +121,7 @@ void CarPlanner::measure_distances() {
                 for (int x = column * each; x < std::min(width_, (column + 1) * each); ++x)
                     most = std::max(most, grid_.clearance[static_cast<std::size_t>(y) * width_ + x]);
             }
-            passable_[static_cast<std::size_t>(row) * coarse_width_ + column] = most > needed;
+            passable_[static_cast<std::size_t>(row) * coarse_width_ + column] = most > model_->inner;
         }
     }
     std::fill(distance_.begin(), distance_.end(), static_cast<float>(kFar));
@@ -167,8 +170,9 @@ std::uint32_t CarPlanner::key_of(const Pose &pose) const {
 }
 
 CarPlanner::Slot &CarPlanner::slot_of(std::uint32_t key) {
-    std::uint32_t at = (key * 2654435761U) & (kSlots - 1);
-    while (table_[at].stamp == stamp_ && table_[at].key != key) at = (at + 1) & (kSlots - 1);
+    const auto slots = static_cast<std::uint32_t>(table_.size());
+    std::uint32_t at = (key * 2654435761U) & (slots - 1);
+    while (table_[at].stamp == stamp_ && table_[at].key != key) at = (at + 1) & (slots - 1);
     return table_[at];
 }
 
@@ -180,7 +184,7 @@ void CarPlanner::reach(const Pose &pose, double g, std::int32_t parent, const Ca
         if (before.closed || before.g <= g) return;
     }
     const double left = estimate(pose);
-    if (left >= kFar || nodes_.size() == kMostNodes || heap_.size() == kMostNodes) return;
+    if (left >= kFar || nodes_.size() == most_poses_) return;
     const auto index = static_cast<std::int32_t>(nodes_.size());
     if (slot.stamp == stamp_) nodes_[slot.node].closed = true; // what is queued of it is stale
     slot = {stamp_, key, index};
@@ -192,15 +196,15 @@ void CarPlanner::reach(const Pose &pose, double g, std::int32_t parent, const Ca
 void CarPlanner::expand(std::int32_t index) {
     const Node from = nodes_[index];
     for (const int gear : {1, -1}) {
-        if (gear < 0 && !car_.backward) break;
+        if (gear < 0 && !model_->car.backward) break;
         const int before = gear_of(from.piece);
         const double cusp = before != kEitherGear && before != gear ? kCosts.cusp : 0.0;
         const double price = gear < 0 ? 1.0 + kCosts.backward : 1.0;
         for (const int turn : {0, 1, -1}) {
-            const double length = turn == 0 ? step_ : arc_;
+            const double length = turn == 0 ? model_->step : model_->arc;
             const CarPiece piece{gear * length, turn};
             if (!drives_free(from.pose, piece)) continue;
-            const Pose to = drive_piece(from.pose, piece, piece.length, car_.turning_radius);
+            const Pose to = drive_piece(from.pose, piece, piece.length, model_->car.turning_radius);
             reach(to, from.g + cusp + price * length, index, piece);
         }
     }
@@ -213,12 +217,14 @@ bool CarPlanner::curve_to_goal(const Pose &from, int gear, double most, CarCurve
     int count = 0;
     const double c = std::cos(from.theta), s = std::sin(from.theta);
     for (const int side : {1, -1}) {
-        const Vec2 centre{from.x - side * s * car_.turning_radius, from.y + side * c * car_.turning_radius};
+        const Vec2 centre{from.x - side * s * model_->car.turning_radius,
+                          from.y + side * c * model_->car.turning_radius};
         const Vec2 away = goal_ - centre;
         const double d = norm(away);
-        if (d < (1.0 - 1e-9) * car_.turning_radius) continue;
+        if (d < (1.0 - 1e-9) * model_->car.turning_radius) continue;
         // The line from the goal that touches the circle: forward with the turn, backward against it.
-        const double bearing = std::atan2(away.y, away.x), off = std::asin(std::min(1.0, car_.turning_radius / d));
+        const double bearing = std::atan2(away.y, away.x),
+                     off = std::asin(std::min(1.0, model_->car.turning_radius / d));
         headings[count++] = wrap_angle(bearing + side * off);
         headings[count++] = wrap_angle(bearing - side * off + std::numbers::pi);
     }
@@ -228,8 +234,8 @@ bool CarPlanner::curve_to_goal(const Pose &from, int gear, double most, CarCurve
     double least = most;
     bool found = false;
     for (int k = 0; k < count; ++k) {
-        const CarCurve tried =
-            reeds_shepp(from, {goal_.x, goal_.y, headings[k]}, car_.turning_radius, kCosts, gear, car_.backward);
+        const CarCurve tried = reeds_shepp(from, {goal_.x, goal_.y, headings[k]}, model_->car.turning_radius, kCosts,
+                                           gear, model_->car.backward);
         if (tried.count == 0) continue;
         const double cost = cost_of(tried, kCosts, gear);
         if (cost >= least || !curve_free(from, tried)) continue;
@@ -288,7 +294,7 @@ void CarPlanner::add(const CarCurve &curve) {
         const int chords = piece.turn == 0 ? 1 : std::max(1, static_cast<int>(std::ceil(length / kSpacing)));
         const Pose from = poses_.back();
         for (int i = 1; i <= chords; ++i)
-            poses_.push_back(drive_piece(from, piece, piece.length * i / chords, car_.turning_radius));
+            poses_.push_back(drive_piece(from, piece, piece.length * i / chords, model_->car.turning_radius));
     }
 }
 
@@ -313,8 +319,8 @@ void CarPlanner::pull_taut() {
         for (const double part : {1.0, 0.8, 0.65, 0.5, 0.4, 0.3, 0.22, 0.16, 0.1, 0.05}) {
             const auto to = at + static_cast<std::size_t>(std::lround(part * static_cast<double>(last - at)));
             if (to <= at + 1) break;
-            const CarCurve tried =
-                reeds_shepp(from.pose, anchors_[to].pose, car_.turning_radius, kCosts, gear, car_.backward);
+            const CarCurve tried = reeds_shepp(from.pose, anchors_[to].pose, model_->car.turning_radius, kCosts, gear,
+                                               model_->car.backward);
             if (tried.count == 0) continue;
             const bool turns_back = gear_of(tried.pieces[tried.count - 1]) != gear_of(anchors_[to].piece);
             const double cost = cost_of(tried, kCosts, gear) + (turns_back ? kCosts.cusp : 0.0);
@@ -331,7 +337,8 @@ void CarPlanner::pull_taut() {
     add(curve_to_goal(anchors_[last].pose, gear, kFar, curve) ? curve : end_);
 }
 
-bool CarPlanner::plan(const ClearanceGrid &grid, const Pose &start, Vec2 goal) {
+bool CarPlanner::plan(const CarModel &model, const ClearanceGrid &grid, const Pose &start, Vec2 goal) {
+    model_ = &model;
     grid_ = grid;
     start_ = {start.x, start.y, wrap_angle(start.theta)};
     goal_ = goal;

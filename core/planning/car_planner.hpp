@@ -17,6 +17,17 @@ struct Car {
     double margin = 0.1; // metres kept from obstacles; cells that are near the start have what the start has
 };
 
+// What the planner knows of a car on cells of one size, made once.
+struct CarModel {
+    CarModel(const Car &car, double resolution);
+
+    Car car;
+    std::vector<Ball> balls; // of the footprint
+    double inner;            // radius of the greatest disc about the origin in the footprint
+    double step, arc;        // metres of a line and of an arc of the search
+    double check;            // metres between two poses that are looked at
+};
+
 // A grid of clearances: metres from cells' centres to the nearest obstacle. What lies outside is not free.
 struct ClearanceGrid {
     const float *clearance; // (H, W)
@@ -26,13 +37,13 @@ struct ClearanceGrid {
 // Plans on grids of one size. Owns its scratch; a plan allocates nothing.
 class CarPlanner {
   public:
-    CarPlanner(const Car &car, int height, int width, double resolution);
+    CarPlanner(int height, int width, double resolution, int most_poses = kMostPoses);
 
     // Whether there is a path from a pose to a point, with any heading there. The search is over poses at the ends of
     // short arcs and lines, one a cell and heading; its estimates are the ways on the grid from the goal of a disc that
     // fits into the footprint, and Reeds-Shepp curves lead from it to the goal. What it finds is then pulled taut by
     // such curves. Equal inputs give equal paths.
-    bool plan(const ClearanceGrid &grid, const Pose &start, Vec2 goal);
+    bool plan(const CarModel &model, const ClearanceGrid &grid, const Pose &start, Vec2 goal);
 
     // Of the last plan that found one: its corners, with arcs as chords of at most kSpacing. Where it turns back the
     // chords do, by 180 degrees but for the curvature.
@@ -40,6 +51,8 @@ class CarPlanner {
     int expanded() const { return expanded_; } // poses that the search has left
 
     static constexpr double kSpacing = 0.1;
+    static constexpr int kMostPoses = 1 << 18; // of a search, before it gives up
+    static constexpr int kMostCorners = 1 << 14;
 
   private:
     struct Node {
@@ -80,16 +93,13 @@ class CarPlanner {
     void pull_taut();
     void add(const CarCurve &curve);
 
-    Car car_;
     int height_, width_;
     double resolution_;
-    std::vector<Ball> balls_;
-    double inner_;      // radius of the greatest disc about the origin in the footprint
-    double step_, arc_; // metres of a line and of an arc of the search
-    double check_;      // metres between two poses that are looked at
     int coarse_height_, coarse_width_;
     double coarse_; // side of a cell of the search, metres
+    std::size_t most_poses_;
 
+    const CarModel *model_ = nullptr; // of the plan at hand
     ClearanceGrid grid_{};
     Vec2 goal_;
     Pose start_;

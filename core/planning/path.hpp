@@ -17,6 +17,7 @@ class Path {
     // Other points; allocates nothing for as many as are reserved.
     void assign(std::span<const double> points);
 
+    const std::vector<Vec2> &points() const { return points_; }
     double length() const { return along_.back(); }
     // Point at arc length s, clamped to the ends.
     Vec2 at(double s) const;

@@ -27,13 +27,16 @@ Replanner::Replanner(int num_robots, int num_threads, const std::vector<Replanne
     RouteCosts widest = setups.front().costs; // room for it is room for all
     for (const ReplannerSetup &one : setups) {
         kinds_.push_back({Scanner(one.evidence, one.beams, one.mount, one.max_range, one.reach, one.body_radius),
-                          one.costs, one.waypoint});
+                          one.costs, one.waypoint,
+                          one.car ? std::optional(CarModel(*one.car, shape_.resolution)) : std::nullopt});
         if (one.costs.inflation + one.costs.comfort > widest.inflation + widest.comfort) widest = one.costs;
     }
+    const bool cars = std::any_of(kinds_.begin(), kinds_.end(), [](const Kind &kind) { return kind.car.has_value(); });
     for (int k = 0; k < pool_.size(); ++k) {
         stock_.add(
             std::make_unique<Scratch>(Scratch{ScanIntegrator(shape_, b_.num_columns),
-                                              RoutePlanner(shape_.height, shape_.width, shape_.resolution, widest)}));
+                                              RoutePlanner(shape_.height, shape_.width, shape_.resolution, widest),
+                                              cars ? std::make_unique<CarRoute>(shape_) : nullptr}));
     }
 }
 
@@ -67,12 +70,13 @@ void Replanner::plan(const std::uint8_t *mask, const double *pose, const double 
     pool_.run(num_robots_, [&](int first, int last) {
         auto scratch = stock_.borrow();
         for (int i = first; i < last; ++i) {
-            if (mask[i]) plan_one(i, scratch->planner, pose_at(pose, i), point_at(goal, i), routes);
+            if (mask[i]) plan_one(i, *scratch, pose_at(pose, i), point_at(goal, i), routes);
         }
     });
 }
 
-void Replanner::plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 goal, const RouteCorners *routes) {
+void Replanner::plan_one(int i, Scratch &scratch, const Pose &pose, Vec2 goal, const RouteCorners *routes) {
+    RoutePlanner &planner = scratch.planner;
     const WindowOrigin window = origin(i);
     const Kind &kind = kind_of(i);
     planner.use(kind.costs);
@@ -82,8 +86,11 @@ void Replanner::plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 go
         b_.found[i] = 0;
         return;
     }
+    // Where a car finds no curves, what would lead another robot has to do.
+    const bool curves = kind.car && scratch.car->plan(*kind.car, planner, route, window, pose, goal);
     const Waypoint chosen =
-        choose_waypoint(planner, kind.costs, kind.waypoint, route, cells(i), shape_, window, pose, goal);
+        curves ? scratch.car->waypoint(kind.waypoint, cells(i), window, pose)
+               : choose_waypoint(planner, kind.costs, kind.waypoint, route, cells(i), shape_, window, pose, goal);
     b_.waypoint[2 * i] = chosen.point.x;
     b_.waypoint[2 * i + 1] = chosen.point.y;
     b_.route[i] = chosen.route;
@@ -96,6 +103,11 @@ void Replanner::plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 go
         out[2 * count] = p.x;
         out[2 * count++ + 1] = p.y;
     };
+    if (curves) {
+        for (const Vec2 &p : scratch.car->path().points()) add(p);
+        routes->count[i] = count;
+        return;
+    }
     add({pose.x, pose.y});
     const std::vector<Cell> &cells = *route.cells;
     walk_taut(planner, cells, [&](std::size_t, std::size_t b) {

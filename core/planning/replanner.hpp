@@ -3,9 +3,11 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
+#include "planning/car_route.hpp"
 #include "planning/occupancy.hpp"
 #include "planning/route_planner.hpp"
 #include "planning/waypoint.hpp"
@@ -25,6 +27,7 @@ struct ReplannerSetup {
     double body_radius = 0.2; // of a disc that the footprint covers: free, as the robot stands there
     RouteCosts costs;
     WaypointRules waypoint;
+    std::optional<Car> car; // whose routes are curves that it can steer
 };
 
 // Row i belongs to robot i.
@@ -79,13 +82,15 @@ class Replanner {
         Scanner scanner;
         RouteCosts costs;
         WaypointRules waypoint;
+        std::optional<CarModel> car;
     };
     struct Scratch {
         ScanIntegrator integrator;
         RoutePlanner planner;
+        std::unique_ptr<CarRoute> car; // where there are cars
     };
 
-    void plan_one(int i, RoutePlanner &planner, const Pose &pose, Vec2 goal, const RouteCorners *routes);
+    void plan_one(int i, Scratch &scratch, const Pose &pose, Vec2 goal, const RouteCorners *routes);
     std::int8_t *cells(int i) const { return b_.log_odds + static_cast<std::size_t>(i) * shape_.height * shape_.width; }
     void store_origin(int i, const WindowOrigin &o) {
         b_.origin[2 * i] = o.row;

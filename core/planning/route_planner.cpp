@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "clones.hpp"
+#include "world/world.hpp"
 
 namespace adrl {
 namespace {
@@ -140,6 +141,15 @@ void RoutePlanner::measure(const std::int8_t *log_odds) {
         scan_row(column_.data() + row, width_, limit_, row_.data(), clearance2_.data() + row);
         std::uint8_t *level = level_.data() + index(y, 0);
         for (int x = 0; x < width_; ++x) level[x] = level_of_[clearance2_[row + x]];
+    }
+}
+
+void RoutePlanner::clearances(float *out) const {
+    const int far = limit_ * limit_;
+    for (std::size_t i = 0; i < clearance2_.size(); ++i) {
+        const int squared = clearance2_[i];
+        out[i] = squared == far ? static_cast<float>(kFarAway)
+                                : static_cast<float>(resolution_ * std::sqrt(static_cast<double>(squared)));
     }
 }
 

@@ -63,6 +63,8 @@ class RoutePlanner {
         return row >= 0 && column >= 0 && row < height_ && column < width_ && level_[index(row, column)] != 0;
     }
     double obstacle_density(int row, int column) const;
+    // out (H, W): metres from cells' centres to the nearest solid one's; those beyond inflation and comfort are far
+    void clearances(float *out) const;
     int height() const { return height_; }
     int width() const { return width_; }
 

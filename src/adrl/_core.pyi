@@ -319,7 +319,7 @@ class WaypointRules:
 class ReplannerSetup:
     """What robots of one kind have. beams: their number, the first one's angle and the increment; mount: the LiDAR's
     pose on the robot; reach_m: hits farther away are not mapped; body_radius_m: of the disc under the robot that is
-    surely free."""
+    surely free; car: the robot where it is one, whose routes keep car_margin_m."""
     def __init__(
         self,
         *,
@@ -334,6 +334,8 @@ class ReplannerSetup:
         body_radius_m: float,
         costs: RouteCosts,
         waypoint: WaypointRules,
+        car: Robot | None = None,
+        car_margin_m: float = 0.0,
     ) -> None: ...
 
 class Replanner:
@@ -401,17 +403,9 @@ def reeds_shepp(start: tuple[float, float, float], goal: tuple[float, float, flo
     """(K, 2) pieces of the shortest curve of a car: metres, below 0 backward, and 1 for a turn to the left, 0, -1."""
 
 class CarPlanner:
-    """Hybrid A* on grids of one size; see car_planner.hpp. footprint as of Robot; backward: whether the car can."""
+    """Hybrid A* on grids of one size; see car_planner.hpp."""
     def __init__(
-        self,
-        radius_m: float,
-        footprint: F64,
-        turning_radius_m: float,
-        backward: bool,
-        margin_m: float,
-        height: int,
-        width: int,
-        resolution_m: float,
+        self, robot: Robot, margin_m: float, height: int, width: int, resolution_m: float
     ) -> None: ...
     def plan(
         self,

@@ -52,9 +52,8 @@ def room(circles: list[tuple[float, float, float]]) -> World:
 def poses_along(world: World, start: Pose, goal: tuple[float, float], car: RobotConfig) -> Array:
     """(P, 3) as the planner has them."""
     grid = planning_grid(world, clearance_limit_m(car))
-    shape = car.radius_m or 0.0, car.polygon, car.min_turning_radius_m, car.min_speed_mps < 0.0
     height, width = grid.clearance_m.shape
-    planner = _core.CarPlanner(*shape, 0.1, height, width, grid.resolution_m)
+    planner = _core.CarPlanner(car.native, 0.1, height, width, grid.resolution_m)
     return planner.plan(grid.clearance_m, grid.origin_m, start, goal)
 
 

@@ -24,8 +24,7 @@ def car_path(
     for margin_m in MARGINS_M:
         # What a cell's centre tells of the rest of it is less sure on large cells.
         margin_m = max(margin_m, 0.75 * grid.resolution_m + 0.0125)
-        shape = robot.radius_m or 0.0, robot.polygon, robot.min_turning_radius_m, robot.min_speed_mps < 0.0
-        planner = _core.CarPlanner(*shape, margin_m, height, width, grid.resolution_m)
+        planner = _core.CarPlanner(robot.native, margin_m, height, width, grid.resolution_m)
         poses = planner.plan(clearance, grid.origin_m, start, goal)
         if len(poses) > 0:
             return np.ascontiguousarray(poses[:, :2])

@@ -342,6 +342,8 @@ def _setup(config: ReplannerConfig, robot: RobotConfig) -> "_core.ReplannerSetup
         body_radius_m=inscribed_radius_m(robot),
         costs=config.route_costs(robot),
         waypoint=rules,
+        car=robot.native if robot.is_car else None,
+        car_margin_m=config.margin_m + 0.5 * config.resolution_m,  # solid cells are known by their centres
     )
 
 
