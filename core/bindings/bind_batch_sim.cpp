@@ -18,16 +18,24 @@ namespace {
 using Flat8 = In<std::uint8_t, nb::shape<-1>>;
 
 std::shared_ptr<Task> make_task(std::shared_ptr<World> world, std::tuple<double, double, double> start,
-                                std::tuple<double, double> goal, double tolerance, const In<double, Rows2> &path) {
+                                std::tuple<double, double> goal, double tolerance, const In<double, Rows2> &path,
+                                std::shared_ptr<Crowd> crowd) {
     if (path.shape(0) < 1) throw nb::value_error("a path has at least one point");
     require_finite({std::get<0>(start), std::get<1>(start), std::get<2>(start)}, "start");
     require_finite({std::get<0>(goal), std::get<1>(goal)}, "goal");
     require_all_finite(path, "path");
+    if (crowd) {
+        if (world->discs().size() + crowd->walkers.size() > kMaxDiscs) {
+            throw nb::value_error("crowd: with the moving discs of the world at most 64");
+        }
+        world->lay_walls();
+    }
     return std::make_shared<Task>(Task{std::move(world),
                                        {std::get<0>(start), std::get<1>(start), std::get<2>(start)},
                                        {std::get<0>(goal), std::get<1>(goal)},
                                        tolerance,
-                                       Path(view(path))});
+                                       Path(view(path)),
+                                       std::move(crowd)});
 }
 
 Robot make_robot(double radius, const In<double, Rows2> &corners, std::tuple<double, double, double> speed_limits,
@@ -175,7 +183,8 @@ void plan(BoundSim &self, BoundControl &control, Out<double, Rows2> out) {
 
 void bind_batch_sim(nb::module_ &m) {
     nb::class_<Task>(m, "Task").def(nb::new_(&make_task), nb::arg("world"), nb::arg("start"), nb::arg("goal"),
-                                    nb::arg("goal_tolerance_m"), nb::arg("path").noconvert());
+                                    nb::arg("goal_tolerance_m"), nb::arg("path").noconvert(),
+                                    nb::arg("crowd").none() = nb::none());
     nb::class_<Robot>(m, "Robot")
         .def(nb::new_(&make_robot), nb::arg("radius_m"), nb::arg("footprint").noconvert(), nb::arg("speed_limits"),
              nb::arg("num_beams"), nb::arg("angle_min_rad"), nb::arg("angle_increment_rad"), nb::arg("mount"),

@@ -124,7 +124,7 @@ Returned<double> integrate_many(const In<double, Rows3> &poses, const In<double,
 std::shared_ptr<World> make_world(const In<double, Rows3> &circles, const In<double, Rows2> &corners,
                                   const In<std::int32_t, nb::shape<-1>> &offsets, const In<double, Rows4> &segments,
                                   const In<double, Rows8> &discs, const Bitmap8 &solid, double resolution,
-                                  std::tuple<double, double, double> origin, const Crowd *crowd) {
+                                  std::tuple<double, double, double> origin) {
     require_all_finite(circles, "circles");
     require_all_finite(corners, "polygon_corners");
     require_all_finite(segments, "segments");
@@ -140,8 +140,7 @@ std::shared_ptr<World> make_world(const In<double, Rows3> &circles, const In<dou
     if (!fits) throw nb::value_error("polygon_offsets: give 0, rising by 3 or more, up to the number of corners");
     return std::make_shared<World>(view(circles), view(corners), view(offsets), view(segments), view(discs),
                                    solid.data(), static_cast<int>(solid.shape(0)), static_cast<int>(solid.shape(1)),
-                                   resolution, Pose{std::get<0>(origin), std::get<1>(origin), std::get<2>(origin)},
-                                   crowd == nullptr ? Crowd{} : *crowd);
+                                   resolution, Pose{std::get<0>(origin), std::get<1>(origin), std::get<2>(origin)});
 }
 
 std::shared_ptr<Crowd> make_crowd(const In<double, nb::shape<-1, 5>> &walkers, const In<double, Rows2> &way_points,
@@ -187,8 +186,7 @@ NB_MODULE(_core, m) {
     nb::class_<World>(m, "World")
         .def(nb::new_(&make_world), nb::arg("circles").noconvert(), nb::arg("polygon_corners").noconvert(),
              nb::arg("polygon_offsets").noconvert(), nb::arg("segments").noconvert(), nb::arg("discs").noconvert(),
-             nb::arg("solid").noconvert(), nb::arg("resolution_m"), nb::arg("origin"),
-             nb::arg("crowd").none() = nb::none());
+             nb::arg("solid").noconvert(), nb::arg("resolution_m"), nb::arg("origin"));
     m.def("raycast", &raycast_many, nb::arg("world"), nb::arg("poses").noconvert(), nb::arg("angles_rad").noconvert(),
           nb::arg("max_range_m"), nb::arg("time_s") = 0.0);
     m.def("clearance", &clearance_many, nb::arg("world"), nb::arg("poses").noconvert(), nb::arg("radius_m"),

@@ -129,7 +129,7 @@ void BatchSim::reset_one(int i) {
     b_.twist[2 * i + 1] = 0.0;
     b_.time[i] = 0.0;
     b_.travelled[i] = 0.0;
-    if (Person *walkers = people(i)) begin_walk(*task.world, b_.seed[i], walkers);
+    if (Person *walkers = people(i)) begin_walk(*task.crowd, b_.seed[i], walkers);
     b_.clearance[i] =
         clearance(*task.world, moving(i).at(0.0), kind.robot.footprint, task.start, kind.config.clearance_limit);
     b_.least_clearance[i] = b_.clearance[i];
@@ -164,7 +164,8 @@ void BatchSim::step_one(int i) {
     Person *walkers = people(i);
     if (walkers != nullptr) {
         const Vec2 velocity{twist.v * std::cos(pose.theta), twist.v * std::sin(pose.theta)};
-        decide(*task.world, {before, velocity, kind.robot.footprint.radius}, time_s, kind.robot.dt_s, walkers);
+        decide(*task.world, *task.crowd, {before, velocity, kind.robot.footprint.radius}, time_s, kind.robot.dt_s,
+               walkers);
     }
     const Moving around = moving(i);
     for (int part = 0; part < 2 && !collided; ++part) {
@@ -187,7 +188,7 @@ void BatchSim::step_one(int i) {
         collided = motion.collided;
         at_fault = motion.at_fault;
     }
-    if (walkers != nullptr) walk(*task.world, time_s - b_.time[i], walkers);
+    if (walkers != nullptr) walk(*task.crowd, time_s - b_.time[i], walkers);
     store_pose(b_.pose + 3 * i, pose);
     store_pose(b_.odometry + 3 * i, odometry);
     b_.twist[2 * i] = collided ? 0.0 : twist.v;
@@ -225,7 +226,7 @@ void BatchSim::follow_one(int i, Vec2 before) {
 }
 
 Person *BatchSim::people(int i) const {
-    if (tasks_[i]->world->crowd().count() == 0) return nullptr;
+    if (!tasks_[i]->crowd) return nullptr;
     return reinterpret_cast<Person *>(b_.people + static_cast<std::ptrdiff_t>(i) * kMaxPeople * kPersonNumbers);
 }
 

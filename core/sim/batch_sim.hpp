@@ -34,6 +34,7 @@ struct Task {
     Vec2 goal;
     double goal_tolerance = 0.3;
     Path path;
+    std::shared_ptr<const Crowd> crowd; // null where nobody walks; the world's walls are laid
 };
 
 // Columns of the `params` array: what may differ from robot to robot and from episode to episode.
@@ -78,7 +79,7 @@ struct SimBuffers {
     std::uint8_t *collided;     // (N)
     std::uint8_t *at_fault;     // (N) collided, and moved into what it touches
     double *memory;             // (N, kMemory)
-    double *people;             // (N, kMaxPeople, kPersonNumbers) a Person each; those beyond the world's mean nothing
+    double *people;             // (N, kMaxPeople, kPersonNumbers) a Person each; those beyond the crowd's mean nothing
 };
 
 struct SimConfig {
@@ -144,7 +145,7 @@ class BatchSim {
     void guide(int i);
     Person *people(int i) const; // null where nobody walks
     // What moves about robot i, from now on.
-    Moving moving(int i) const { return {*tasks_[i]->world, people(i), b_.time[i]}; }
+    Moving moving(int i) const { return {*tasks_[i]->world, tasks_[i]->crowd.get(), people(i), b_.time[i]}; }
 
     int num_envs_;
     std::vector<SimKind> kinds_;

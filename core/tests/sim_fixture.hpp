@@ -11,8 +11,8 @@
 
 namespace adrl {
 
-// Circles, boxes, walls, moving discs, people and a turned bitmap around the origin.
-inline std::shared_ptr<const World> crowded_world() {
+// Circles, boxes, walls, moving discs and a turned bitmap around the origin.
+inline std::shared_ptr<World> crowded_world() {
     const std::vector<double> circles{2.0, 1.0, 0.4, -1.5, 2.0, 0.3, 1.0, -2.0, 0.2};
     const std::vector<double> corners{-3.0, -1.0, -2.0, -1.0, -2.0, 0.5, 3.0, 2.0, 4.0, 2.0, 3.5, 3.0};
     const std::vector<std::int32_t> offsets{0, 3, 6};
@@ -20,12 +20,16 @@ inline std::shared_ptr<const World> crowded_world() {
     const std::vector<double> discs{-3.0, 3.0, 3.0, 3.0, 0.3, 0.5, 0.2, std::numeric_limits<double>::infinity()};
     std::vector<std::uint8_t> solid(20 * 30, 0);
     for (std::size_t i = 0; i < solid.size(); i += 17) solid[i] = 1;
+    return std::make_shared<World>(circles, corners, offsets, walls, discs, solid.data(), 20, 30, 0.1,
+                                   Pose{-1.0, -4.0, 0.3});
+}
+
+inline std::shared_ptr<const Crowd> three_people() {
     Crowd crowd;
     crowd.way_points = {{-3.0, 2.5}, {3.0, 1.5}, {0.0, -1.0}, {0.5, -4.0}, {-2.5, -3.0}};
     crowd.walkers = {{0.3, 1.2, 0.5, 0.2, 0, 0, 2}, {0.25, 1.0, 0.0, 0.3, -1, 2, 4}, {0.3, 0.0, 0.5, 0.2, 0, 4, 5}};
     crowd.legs = true;
-    return std::make_shared<const World>(circles, corners, offsets, walls, discs, solid.data(), 20, 30, 0.1,
-                                         Pose{-1.0, -4.0, 0.3}, crowd);
+    return std::make_shared<const Crowd>(crowd);
 }
 
 class SimFixture {
@@ -40,6 +44,7 @@ class SimFixture {
                   remembered.data()),
           sim(n, num_threads, {{robot(polygon), SimConfig{}}}, buffers()) {
         const auto world = crowded_world();
+        world->lay_walls();
         for (int i = 0; i < n; ++i) {
             double *row = params.data() + static_cast<std::ptrdiff_t>(i) * kNumParams;
             row[kSpeedGain] = row[kYawGain] = 1.0;
@@ -51,8 +56,8 @@ class SimFixture {
             row[kDropout] = 0.01;
             seed[i] = static_cast<std::uint64_t>(i);
             const std::vector<double> path{0.0, 0.0, 2.0, 0.0, 2.0, 4.0};
-            sim.set_task(i,
-                         std::make_shared<const Task>(Task{world, {0.0, 0.0, 0.1 * i}, {2.0, 4.0}, 0.3, Path(path)}));
+            sim.set_task(i, std::make_shared<const Task>(
+                                Task{world, {0.0, 0.0, 0.1 * i}, {2.0, 4.0}, 0.3, Path(path), three_people()}));
         }
         sim.reset(mask.data());
     }

@@ -11,7 +11,6 @@
 namespace adrl {
 namespace {
 
-constexpr double kAround = 10.0; // metres about the routes in which walls are found
 constexpr double kMostCells = 1e5;
 
 bool is_convex(const WallEdge &before, const WallEdge &edge) {
@@ -121,14 +120,14 @@ std::vector<WallEdge> wall_edges(const Segments &polygon_edges, const std::vecto
     return edges;
 }
 
-Walls::Walls(std::vector<WallEdge> edges, const std::vector<Vec2> &routes) : edges_(std::move(edges)) {
+Walls::Walls(std::vector<WallEdge> edges) : edges_(std::move(edges)) {
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
     Vec2 low{kInfinity, kInfinity}, high{-kInfinity, -kInfinity};
-    for (const Vec2 &p : routes) {
-        low = {std::min(low.x, p.x - kAround), std::min(low.y, p.y - kAround)};
-        high = {std::max(high.x, p.x + kAround), std::max(high.y, p.y + kAround)};
+    for (const WallEdge &edge : edges_) {
+        low = {std::min(low.x, edge.a.x - kReach), std::min(low.y, edge.a.y - kReach)};
+        high = {std::max(high.x, edge.a.x + kReach), std::max(high.y, edge.a.y + kReach)};
     }
-    if (routes.empty()) return;
+    if (edges_.empty()) return;
     cell_ = std::max(1.0, std::sqrt((high.x - low.x) * (high.y - low.y) / kMostCells));
     corner_ = low;
     width_ = static_cast<int>(std::ceil((high.x - low.x) / cell_));

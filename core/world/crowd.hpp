@@ -1,4 +1,4 @@
-// Who walks in a world, where to, and the walls that walkers keep off. Immutable once built.
+// Who walks in a task, where to, and the walls that walkers keep off. Immutable once built.
 #pragma once
 
 #include <cstdint>
@@ -9,7 +9,7 @@
 
 namespace adrl {
 
-// At most this many people a world; with its moving discs together at most kMaxDiscs.
+// At most this many people a task; with the moving discs of its world together at most kMaxDiscs.
 inline constexpr int kMaxPeople = 64;
 
 struct Walker {
@@ -49,13 +49,13 @@ struct WallEdge {
     Vec2 direction() const { return (1.0 / norm(b - a)) * (b - a); }
 };
 
-// Edges by place, for the neighbourhood of people's routes.
+// Edges by place.
 class Walls {
   public:
     static constexpr double kReach = 2.5; // metres; edges beyond are not found
 
     Walls() = default;
-    Walls(std::vector<WallEdge> edges, const std::vector<Vec2> &routes);
+    explicit Walls(std::vector<WallEdge> edges);
 
     const WallEdge &operator[](int i) const { return edges_[i]; }
     int count() const { return static_cast<int>(edges_.size()); }

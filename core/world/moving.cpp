@@ -28,12 +28,12 @@ DiscPlaces Moving::discs_at(double time_s) const {
 
 template <class Add>
 void Moving::each_person(double time_s, const Add &add) const {
-    if (people_ == nullptr) return;
+    if (crowd_ == nullptr) return;
     const double after_s = time_s - now_s_;
-    for (int k = 0; k < world_->crowd().count(); ++k) {
+    for (int k = 0; k < crowd_->count(); ++k) {
         const Person &person = people_[k];
         const Vec2 velocity{person.vx, person.vy};
-        add(Vec2{person.x, person.y} + after_s * velocity, world_->crowd().walkers[k].radius, person,
+        add(Vec2{person.x, person.y} + after_s * velocity, crowd_->walkers[k].radius, person,
             person.walked + after_s * norm(velocity));
     }
 }
@@ -46,7 +46,7 @@ DiscPlaces Moving::at(double time_s) const {
 }
 
 DiscPlaces Moving::seen_at(double time_s) const {
-    if (!world_->crowd().legs) return at(time_s);
+    if (crowd_ == nullptr || !crowd_->legs) return at(time_s);
     DiscPlaces out = discs_at(time_s);
     each_person(time_s, [&](Vec2 p, double radius, const Person &person, double walked) {
         // Legs stay within the body: a stance of 0.6 and a swing of 0.8 of what is beside a leg in it.
@@ -62,8 +62,8 @@ DiscPlaces Moving::seen_at(double time_s) const {
 
 double Moving::max_speed() const {
     double fastest = world_->max_disc_speed();
-    if (people_ == nullptr) return fastest;
-    for (int k = 0; k < world_->crowd().count(); ++k) {
+    if (crowd_ == nullptr) return fastest;
+    for (int k = 0; k < crowd_->count(); ++k) {
         fastest = std::max(fastest, norm({people_[k].vx, people_[k].vy}));
     }
     return fastest;

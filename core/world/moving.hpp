@@ -22,10 +22,11 @@ struct DiscPlaces {
 
 class Moving {
   public:
-    // people: the walkers of the world as they are at now_s, to walk on as they do then; null where there are none.
-    Moving(const World &world, const Person *people, double now_s) : world_(&world), people_(people), now_s_(now_s) {}
+    // people: the crowd as it is at now_s, to walk on as it does then; both null where nobody walks.
+    Moving(const World &world, const Crowd *crowd, const Person *people, double now_s)
+        : world_(&world), crowd_(crowd), people_(people), now_s_(now_s) {}
     // The world's discs alone.
-    explicit Moving(const World &world) : Moving(world, nullptr, 0.0) {}
+    explicit Moving(const World &world) : Moving(world, nullptr, nullptr, 0.0) {}
 
     const World &world() const { return *world_; }
     // What a robot hits, and a planner foresees.
@@ -40,6 +41,7 @@ class Moving {
     DiscPlaces discs_at(double time_s) const;
 
     const World *world_;
+    const Crowd *crowd_;
     const Person *people_;
     double now_s_;
 };

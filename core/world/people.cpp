@@ -72,9 +72,9 @@ Vec2 preferred(const Crowd &crowd, int k, const Person *people) {
 
 // All that moves, or stands there as a person, near person k. Who stands, and what does not look, avoids nothing
 // itself.
-Neighbours neighbours(const World &world, const Mover &robot, double time_s, int k, const Person *people) {
+Neighbours neighbours(const World &world, const Crowd &crowd, const Mover &robot, double time_s, int k,
+                      const Person *people) {
     constexpr double kMoment = 0.1; // seconds over which a disc's velocity is taken
-    const Crowd &crowd = world.crowd();
     const Walker &self = crowd.walkers[k];
     const Vec2 here = place(people[k]);
     Neighbours out;
@@ -84,20 +84,21 @@ Neighbours neighbours(const World &world, const Mover &robot, double time_s, int
     };
     for (int j = 0; j < crowd.count(); ++j) {
         const Walker &other = crowd.walkers[j];
-        if (j != k) offer({place(people[j]), velocity(people[j]), other.radius}, other.speed > 0.0 ? 0.5 : 1.0);
+        if (j != k)
+            offer({place(people[j]), velocity(people[j]), other.radius + kSpace}, other.speed > 0.0 ? 0.5 : 1.0);
     }
     for (const MovingDisc &disc : world.discs()) {
         const Vec2 at = disc.at(time_s);
         offer({at, (1.0 / kMoment) * (disc.at(time_s + kMoment) - at), disc.radius}, 1.0);
     }
-    if (self.share > 0.0) offer(robot, self.share);
+    if (self.share > 0.0) offer({robot.at, robot.velocity, robot.radius + kRobotSpace}, self.share);
     return out;
 }
 
 NearWalls near_walls(const World &world, const Mover &self) {
     NearWalls out;
     const double reach = Walls::kReach;
-    const Walls &walls = world.walls_of_crowd();
+    const Walls &walls = world.laid_walls();
     for (const int i : walls.near(self.at)) {
         const Vec2 a = walls[i].a - self.at, b = walls[i].b - self.at;
         if (cross(a, b) >= 0.0) continue; // seen from behind
@@ -123,20 +124,21 @@ bool brushes(const World &world, const NearWalls &near, const Mover &self, Vec2 
         const int wall = near.item[i];
         double far = 0.0;
         if (wall >= 0) {
-            const WallEdge &edge = world.walls_of_crowd()[wall];
+            const WallEdge &edge = world.laid_walls()[wall];
             far = segment_to_segment(self.at, self.at + step, edge.a, edge.b);
         } else {
             const Mover other = circle(world, wall);
             far = origin_to_segment(self.at - other.at, self.at + step - other.at) - other.radius;
         }
-        if (far < self.radius - kBrush && far < near.distance[i] - 1e-9) return true;
+        if (far < self.radius - kSpace - kBrush && far < near.distance[i] - 1e-9) return true;
     }
     return false;
 }
 
-Vec2 decided(const World &world, const Mover &robot, double time_s, double hold_s, int k, const Person *people) {
-    const Walker &walker = world.crowd().walkers[k];
-    const Mover self{place(people[k]), velocity(people[k]), walker.radius};
+Vec2 decided(const World &world, const Crowd &crowd, const Mover &robot, double time_s, double hold_s, int k,
+             const Person *people) {
+    const Walker &walker = crowd.walkers[k];
+    const Mover self{place(people[k]), velocity(people[k]), walker.radius + kSpace};
     HalfPlane planes[kMostHalfPlanes];
     int hard = 0;
     const NearWalls walls = near_walls(world, self);
@@ -144,18 +146,18 @@ Vec2 decided(const World &world, const Mover &robot, double time_s, double hold_
         const int wall = walls.item[i];
         if (wall < 0) {
             planes[hard++] = avoid_mover(self, circle(world, wall), 1.0, kWallHorizon, hold_s);
-        } else if (avoid_wall(self, world.walls_of_crowd(), wall, kWallHorizon,
-                              {planes, static_cast<std::size_t>(hard)}, planes[hard])) {
+        } else if (avoid_wall(self, world.laid_walls(), wall, kWallHorizon, {planes, static_cast<std::size_t>(hard)},
+                              planes[hard])) {
             ++hard;
         }
     }
     int count = hard;
-    const Neighbours others = neighbours(world, robot, time_s, k, people);
+    const Neighbours others = neighbours(world, crowd, robot, time_s, k, people);
     for (int i = 0; i < others.count; ++i) {
         planes[count++] = avoid_mover(self, others.item[i].mover, others.item[i].share, kPeopleHorizon, hold_s);
     }
     const Vec2 chosen = nearest_allowed({planes, static_cast<std::size_t>(count)}, hard, kHurry * walker.speed,
-                                        preferred(world.crowd(), k, people));
+                                        preferred(crowd, k, people));
     // Where walls leave no velocity at all, the least bad one may lead into them.
     const bool outside =
         std::any_of(planes, planes + hard, [&](const HalfPlane &p) { return p.excess(chosen) > 1e-6; });
@@ -196,8 +198,7 @@ void head_on(const Crowd &crowd, int k, Person *people) {
 
 } // namespace
 
-void begin_walk(const World &world, std::uint64_t seed, Person *people) {
-    const Crowd &crowd = world.crowd();
+void begin_walk(const Crowd &crowd, std::uint64_t seed, Person *people) {
     for (int k = 0; k < crowd.count(); ++k) {
         const Vec2 start = way_point(crowd, crowd.walkers[k], 0.0);
         people[k] = {};
@@ -215,15 +216,14 @@ void begin_walk(const World &world, std::uint64_t seed, Person *people) {
     }
 }
 
-void decide(const World &world, const Mover &robot, double time_s, double step_s, Person *people) {
-    const Crowd &crowd = world.crowd();
+void decide(const World &world, const Crowd &crowd, const Mover &robot, double time_s, double step_s, Person *people) {
     Vec2 chosen[kMaxPeople]; // all decide by what they see before anyone does
     bool due[kMaxPeople];
     for (int k = 0; k < crowd.count(); ++k) {
         due[k] = crowd.walkers[k].speed > 0.0 && people[k].wait_s < 0.5 * step_s;
         if (!due[k]) continue;
         const double hold_s = std::max(crowd.walkers[k].reaction_s, step_s);
-        chosen[k] = decided(world, robot, time_s, hold_s, k, people);
+        chosen[k] = decided(world, crowd, robot, time_s, hold_s, k, people);
         people[k].wait_s += hold_s;
     }
     for (int k = 0; k < crowd.count(); ++k) {
@@ -234,8 +234,7 @@ void decide(const World &world, const Mover &robot, double time_s, double step_s
     }
 }
 
-void walk(const World &world, double step_s, Person *people) {
-    const Crowd &crowd = world.crowd();
+void walk(const Crowd &crowd, double step_s, Person *people) {
     for (int k = 0; k < crowd.count(); ++k) {
         const Walker &walker = crowd.walkers[k];
         if (!(walker.speed > 0.0)) continue;

@@ -13,15 +13,17 @@ inline constexpr double kPeopleHorizon = 3.0; // seconds for which they avoid ea
 inline constexpr double kWallHorizon = 1.0;   // and walls
 inline constexpr double kSight = 5.0;         // metres to the middle of what they avoid
 inline constexpr int kMostNeighbours = 10;    // the nearest
+inline constexpr double kSpace = 0.05;        // metres that they leave about themselves,
+inline constexpr double kRobotSpace = 0.15;   // and about a robot, which may turn
 inline constexpr double kHurry = 1.25;        // greatest over preferred speed
 
 // Everyone at the start of the route, walking. seed: of when they decide first.
-void begin_walk(const World &world, std::uint64_t seed, Person *people);
+void begin_walk(const Crowd &crowd, std::uint64_t seed, Person *people);
 
-// Velocities of those whose decision is due at time_s. step_s: until the next call.
-void decide(const World &world, const Mover &robot, double time_s, double step_s, Person *people);
+// Velocities of those whose decision is due at time_s, among walls that are laid. step_s: until the next call.
+void decide(const World &world, const Crowd &crowd, const Mover &robot, double time_s, double step_s, Person *people);
 
 // step_s on at these velocities.
-void walk(const World &world, double step_s, Person *people);
+void walk(const Crowd &crowd, double step_s, Person *people);
 
 } // namespace adrl

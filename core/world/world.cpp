@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
-#include <utility>
 
 #include "world/distance_field.hpp"
 
@@ -95,8 +94,7 @@ Vec2 Bitmap::to_world(Vec2 cells) const {
 
 World::World(std::span<const double> circles, std::span<const double> corners, std::span<const std::int32_t> offsets,
              std::span<const double> segments, std::span<const double> discs, const std::uint8_t *solid, int height,
-             int width, double resolution, Pose origin, Crowd crowd)
-    : crowd_(std::move(crowd)) {
+             int width, double resolution, Pose origin) {
     for (std::size_t i = 0; i + 2 < circles.size(); i += 3) circles_.add(circles[i], circles[i + 1], circles[i + 2]);
     for (std::size_t i = 0; i + 3 < segments.size(); i += 4) {
         walls_.add({segments[i], segments[i + 1]}, {segments[i + 2], segments[i + 3]});
@@ -127,9 +125,7 @@ World::World(std::span<const double> circles, std::span<const double> corners, s
                           discs[i + 7]});
         max_disc_speed_ = std::max(max_disc_speed_, std::abs(discs[i + 5]));
     }
-    if (discs_.size() + crowd_.walkers.size() > kMaxDiscs) {
-        throw std::invalid_argument("a world holds at most 64 moving discs and people");
-    }
+    if (discs_.size() > kMaxDiscs) throw std::invalid_argument("a world holds at most 64 moving discs");
     circles_.pad();
     walls_.pad();
     edges_.pad();
@@ -150,9 +146,10 @@ World::World(std::span<const double> circles, std::span<const double> corners, s
         chebyshev_field(solid, height, width, bitmap_.jump.data());
         distance_field(solid, height, width, bitmap_.distance.data());
     }
-    if (crowd_.count() > 0) {
-        walls_of_crowd_ = Walls(wall_edges(edges_, polygon_begin_, walls_, bitmap_), crowd_.way_points);
-    }
+}
+
+void World::lay_walls() {
+    if (laid_walls_.count() == 0) laid_walls_ = Walls(wall_edges(edges_, polygon_begin_, walls_, bitmap_));
 }
 
 } // namespace adrl

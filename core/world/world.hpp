@@ -1,5 +1,4 @@
-// What exists: circles, convex polygons, segments, a bitmap of solid cells, moving discs and who walks there. Immutable
-// once built.
+// What exists: circles, convex polygons, segments, moving discs and a bitmap of solid cells. Immutable once built.
 #pragma once
 
 #include <cstdint>
@@ -67,7 +66,7 @@ class World {
     // Arrays as in adrl.types.World; solid is row-major and may be null when height or width is 0.
     World(std::span<const double> circles, std::span<const double> corners, std::span<const std::int32_t> offsets,
           std::span<const double> segments, std::span<const double> discs, const std::uint8_t *solid, int height,
-          int width, double resolution, Pose origin, Crowd crowd = {});
+          int width, double resolution, Pose origin);
 
     const Circles &circles() const { return circles_; }
     const Segments &walls() const { return walls_; }
@@ -78,8 +77,9 @@ class World {
     const std::vector<MovingDisc> &discs() const { return discs_; }
     const Bitmap &bitmap() const { return bitmap_; }
     double max_disc_speed() const { return max_disc_speed_; }
-    const Crowd &crowd() const { return crowd_; }
-    const Walls &walls_of_crowd() const { return walls_of_crowd_; } // none where nobody walks
+    // The same geometry for people, who walk there only after lay_walls().
+    void lay_walls();
+    const Walls &laid_walls() const { return laid_walls_; }
 
   private:
     Circles circles_;
@@ -90,14 +90,13 @@ class World {
     std::vector<MovingDisc> discs_;
     Bitmap bitmap_;
     double max_disc_speed_ = 0.0;
-    Crowd crowd_;
-    Walls walls_of_crowd_;
+    Walls laid_walls_;
 };
 
 // Whether a point is inside one of the world's polygons, or on its border.
 bool inside_polygon(const World &world, Vec2 p);
 
-// At most this many moving discs and people a world; their places at one instant fit on the stack.
+// At most this many moving discs and people about a robot; their places at one instant fit on the stack.
 inline constexpr int kMaxDiscs = 64;
 
 } // namespace adrl

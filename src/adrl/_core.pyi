@@ -13,7 +13,7 @@ I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
 
 class Crowd:
-    """Who walks in a world; see adrl.types.People. walkers (P, 5): radius, speed, share, reaction_s, group; person i
+    """Who walks in a task; see adrl.types.People. walkers (P, 5): radius, speed, share, reaction_s, group; person i
     walks the way points (W, 2) from way_offsets[i] to way_offsets[i + 1]."""
     def __init__(self, walkers: F64, way_points: F64, way_offsets: I32, legs: bool) -> None: ...
 
@@ -28,7 +28,6 @@ class World:
         solid: U8,
         resolution_m: float,
         origin: tuple[float, float, float],
-        crowd: Crowd | None = None,
     ) -> None: ...
 
 def raycast(world: World, poses: F64, angles_rad: F64, max_range_m: float, time_s: float = 0.0) -> F32:
@@ -121,6 +120,7 @@ class Task:
         goal: tuple[float, float],
         goal_tolerance_m: float,
         path: F64,
+        crowd: Crowd | None = None,
     ) -> None: ...
 
 class Robot:

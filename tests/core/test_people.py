@@ -19,7 +19,7 @@ X, Y, VX, VY, HEADING, WALKED, GOAL, ONWARD, WAIT, HELD = range(10)
 BOUNDS = (-10.0, -10.0, 10.0, 10.0)
 FAR = (90.0, 90.0, 0.0)
 """A robot there meets nobody."""
-HORIZON_S, WALL_HORIZON_S, HURRY = 3.0, 1.0, 1.25
+HORIZON_S, WALL_HORIZON_S, HURRY, SPACE_M = 3.0, 1.0, 1.25, 0.05
 
 
 def people(routes: list[list[tuple[float, float]]], **more: Any) -> People:
@@ -33,8 +33,8 @@ def people(routes: list[list[tuple[float, float]]], **more: Any) -> People:
 
 def walk(who: People, start: tuple[float, float, float] = FAR, **world: Any) -> Fleet:
     """A robot at rest at `start` among people at the beginning of their routes."""
-    place = World(bounds=BOUNDS, people=who, **world)
-    fleet = Fleet([a_task(place, start, (start[0] + 50.0, start[1]))], a_robot()).reset()
+    place = World(bounds=BOUNDS, **world)
+    fleet = Fleet([a_task(place, start, (start[0] + 50.0, start[1]), people=who)], a_robot()).reset()
     fleet.b["people"][:, :, WAIT] = 0.0
     return fleet
 
@@ -74,7 +74,7 @@ def half_planes(who: People, now: Array, k: int) -> list[tuple[complex, complex]
             complex_(now[k], VX),
             complex_(now[j], X),
             complex_(now[j], VX),
-            float(who.radius_m[k] + who.radius_m[j]),
+            float(who.radius_m[k] + who.radius_m[j]) + 2.0 * SPACE_M,
             0.5,
             HORIZON_S,
             0.1,
@@ -125,7 +125,9 @@ def test_velocities_are_those_of_rvo2(seed: int, walled: bool) -> None:
     rvo.set_time_step(0.1)
     for k, route in enumerate(who.routes):
         top = HURRY * float(who.speed_mps[k])
-        rvo.add_agent(tuple(route[0]), 15.0, 10, HORIZON_S, WALL_HORIZON_S, float(who.radius_m[k]), top)
+        rvo.add_agent(
+            tuple(route[0]), 15.0, 10, HORIZON_S, WALL_HORIZON_S, float(who.radius_m[k]) + SPACE_M, top
+        )
     if walled:
         for polygon in shapes["polygons"]:
             rvo.add_obstacle([tuple(corner) for corner in polygon])
@@ -297,8 +299,8 @@ def busy(**more: Any) -> Fleet:
     tasks = []
     for _ in range(40):
         who = crowd(rng, 8, reaction_s=rng.uniform(0.0, 0.4, 8), legs=True)
-        place = World(bounds=BOUNDS, people=who, segments=enclosure(BOUNDS))
-        tasks.append(a_task(place, (0.0, -6.0, 1.5), (0.0, 6.0)))
+        place = World(bounds=BOUNDS, segments=enclosure(BOUNDS))
+        tasks.append(a_task(place, (0.0, -6.0, 1.5), (0.0, 6.0), people=who))
     return Fleet(tasks, a_robot(), range_noise=0.01, **more).reset()
 
 
@@ -358,7 +360,7 @@ def test_a_lidar_sees_bodies_or_legs_within_them() -> None:
 
 def test_legs_swing() -> None:
     who = people([[(2.0, -3.0), (2.0, 5.0)]], legs=True)
-    fleet = Fleet([a_task(World(bounds=BOUNDS, people=who))], a_robot(beams=720)).reset()
+    fleet = Fleet([a_task(World(bounds=BOUNDS), people=who)], a_robot(beams=720)).reset()
     widths = []
     for _ in range(20):
         ranges = fleet.step((0.0, 0.0)).b["ranges"][0]
@@ -403,8 +405,7 @@ def test_a_planner_with_foresight_takes_people_to_walk_on() -> None:
     plans = {}
     for foresee in (True, False):
         who = people([[(1.2, -1.1), (1.2, 6.0)]], share=0.0)
-        place = World(bounds=BOUNDS, people=who)
-        fleet = Fleet([a_task(place, (0.0, 0.0, 0.0), (6.0, 0.0))], robot).reset()
+        fleet = Fleet([a_task(World(bounds=BOUNDS), goal=(6.0, 0.0), people=who)], robot).reset()
         fleet.control = LocalControl(1, robot, dwa_config(robot), foresee=foresee)
         plans[foresee] = fleet.plan().tobytes()
     assert plans[True] != plans[False]
@@ -433,9 +434,7 @@ def test_routes_must_lead_somewhere_and_there_is_room_for_64() -> None:
         people([[(0.0, 0.0), (math.inf, 0.0)]])
     with pytest.raises(ConfigError, match="at most 64"):
         people([[(0.0, 0.0), (1.0, 0.0)]] * 65)
+    discs = np.array([(0.0, 0.0, 1.0, 0.0, 0.2, 0.3, 0.0, math.inf)] * 5)
+    place, who = World(bounds=BOUNDS, discs=discs), people([[(0.0, 0.0), (1.0, 0.0)]] * 60)
     with pytest.raises(ConfigError, match="at most 64"):
-        World(
-            bounds=BOUNDS,
-            people=people([[(0.0, 0.0), (1.0, 0.0)]] * 60),
-            discs=np.array([(0.0, 0.0, 1.0, 0.0, 0.2, 0.3, 0.0, math.inf)] * 5),
-        )
+        a_task(place, people=who)

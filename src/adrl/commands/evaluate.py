@@ -14,6 +14,7 @@ from adrl.outputs import require_file
 from adrl.types import Task
 from adrl.worlds import load_robot, single_task
 from adrl.worlds.fixed import FixedWorld
+from adrl.worlds.people import Peopled
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,9 +75,11 @@ def _own_task(options: EvaluateOptions) -> list[Task] | None:
         return None
     if options.start is None or options.goal is None:
         raise ConfigError("--start and --goal go together")
-    place = options.load()
+    scenario, robot = options.load(), options.driven_robot()
+    place = scenario.place if isinstance(scenario, Peopled) else scenario
     if not isinstance(place, FixedWorld):
         raise ConfigError(
             f"--start and --goal need --map or --world; scenario {place.name!r} has many worlds"
         )
-    return [single_task(place.world, options.start, options.goal, options.driven_robot())]
+    task = single_task(place.world, options.start, options.goal, robot)
+    return [scenario.with_people(task, robot) if isinstance(scenario, Peopled) else task]

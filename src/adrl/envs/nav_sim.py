@@ -264,7 +264,7 @@ class NavSim:
     def people(self, row: int) -> Array:
         """(P, 3) x, y and radius of the people about a robot, now."""
         task = self.tasks[row]
-        radius = np.empty(0) if task is None else task.world.people.radius_m
+        radius = np.empty(0) if task is None else task.people.radius_m
         return np.column_stack([self.b["people"][row, : len(radius), :2], radius])
 
     def moving(self, row: int) -> Array:

@@ -1,6 +1,7 @@
 """Ways through no gap narrower than a width, and the planner along them."""
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -78,7 +79,7 @@ class ShyPaths:
             self._ways[number] = shy_way(task, self._env.robot, self._width_m)
         way = self._ways[number]
         self._ends_at_goal[i] = math.dist(way[-1], task.goal) < 1e-9
-        native = _core.Task(task.world.native, task.start, task.goal, task.goal_tolerance_m, way)
+        native = replace(task, path=way).native
         self._guide.set_task(i, native)
         self._b["memory"][i] = 0.0
         self._b["memory"][i, 0] = _arc_length_at(way, self._b["pose"][i, :2])

@@ -1,4 +1,4 @@
-"""People who walk in a world."""
+"""People who walk about in a task."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,7 +11,7 @@ from adrl.geometry import Array
 from adrl.types.base import require
 
 MOST_PEOPLE = _core.MAX_PEOPLE
-"""In a world, together with its moving discs."""
+"""In a task, together with the moving discs of its world."""
 RADIUS_M = (0.15, 0.6)
 FASTEST_MPS = 3.0
 SLOWEST_REACTION_S = 1.0
@@ -57,7 +57,7 @@ class People:
             )
             require(bool(((array >= low) & (array <= high)).all()), f"people.{name}: give {low} to {high}")
             object.__setattr__(self, name, array)
-        require(count <= MOST_PEOPLE, f"{count} people; a world holds at most {MOST_PEOPLE}")
+        require(count <= MOST_PEOPLE, f"{count} people; a task holds at most {MOST_PEOPLE}")
         routes = tuple(np.ascontiguousarray(route, dtype=np.float64) for route in self.routes)
         for k, route in enumerate(routes):
             least = 2 if self.speed_mps[k] > 0.0 else 1

@@ -45,7 +45,6 @@ class World(HasNative):
     its two ends; phase in [0, 1) is where in the round trip it is at time 0; it stands still after stop_s
     seconds."""
     grid: OccupancyGrid | None = None
-    people: People = NOBODY
 
     def __post_init__(self) -> None:
         for name, width in (("circles", 3), ("segments", 4), ("discs", 8)):
@@ -56,10 +55,6 @@ class World(HasNative):
             object.__setattr__(self, name, array)
         for corners in self.polygons:
             require_convex("world polygon", corners)
-        moving = len(self.discs) + len(self.people)
-        require(
-            moving <= MOST_PEOPLE, f"{moving} moving discs and people; a world holds at most {MOST_PEOPLE}"
-        )
         x_min, y_min, x_max, y_max = self.bounds
         require(x_min < x_max and y_min < y_max, f"world.bounds {self.bounds} is empty")
 
@@ -99,7 +94,6 @@ class World(HasNative):
             np.ascontiguousarray(grid.solid if grid else np.empty((0, 0)), dtype=np.uint8),
             grid.resolution_m if grid else 1.0,
             grid.origin if grid else (0.0, 0.0, 0.0),
-            self.people.native if len(self.people) else None,
         )
 
 
@@ -127,9 +121,18 @@ class Task(HasNative):
     """Length of the shortest feasible path of the inflated footprint: the reference of optimality and SPL."""
     time_limit_s: float
     goal_tolerance_m: float = 0.3
+    people: People = NOBODY
+    """Who walks about. Where they are is the episode's own."""
+
+    def __post_init__(self) -> None:
+        moving = len(self.world.discs) + len(self.people)
+        require(
+            moving <= MOST_PEOPLE, f"{moving} moving discs and people; a task holds at most {MOST_PEOPLE}"
+        )
 
     @cached_property
     def native(self) -> "_core.Task":
         """The same task, laid out for the simulator."""
         path = np.ascontiguousarray(self.path, dtype=np.float64)
-        return _core.Task(self.world.native, self.start, self.goal, self.goal_tolerance_m, path)
+        crowd = self.people.native if len(self.people) else None
+        return _core.Task(self.world.native, self.start, self.goal, self.goal_tolerance_m, path, crowd)

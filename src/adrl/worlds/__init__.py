@@ -12,10 +12,12 @@ from adrl.worlds.barn import BarnScenario, load_barn
 from adrl.worlds.cellular import Cellular
 from adrl.worlds.clutter import Clutter
 from adrl.worlds.complex import Complex
+from adrl.worlds.crowd import Passage, Square, TwoRooms, crowd_walks, opposing_flows, through_the_door
 from adrl.worlds.dynamic import Dynamic
 from adrl.worlds.families import LidarFamily, RobotFamily
 from adrl.worlds.hall import Hall
 from adrl.worlds.map_scenario import MapScenario
+from adrl.worlds.people import Crowd, Peopled
 from adrl.worlds.robot_files import robot_from_fields
 from adrl.worlds.robots import FAMILIES, ROBOTS, load_robot, load_robots
 from adrl.worlds.rooms import Rooms
@@ -31,6 +33,10 @@ SCENARIOS: dict[str, Scenario] = {
     "dynamic": Dynamic(),
     "rooms": Rooms(),
     "cellular": Cellular(),
+    "crowd": Peopled(Square(), Crowd(count=(6, 20)), crowd_walks),
+    "corridor": Peopled(Passage(), Crowd(count=(4, 10), standing=0.0), opposing_flows),
+    "doorway": Peopled(TwoRooms(), Crowd(count=(3, 8)), through_the_door),
+    "office": Peopled(Rooms(), Crowd(count=(6, 12)), name="office"),
 }
 
 __all__ = [
@@ -38,8 +44,10 @@ __all__ = [
     "ROBOTS",
     "SCENARIOS",
     "BarnScenario",
+    "Crowd",
     "LidarFamily",
     "MapScenario",
+    "Peopled",
     "RobotFamily",
     "SdfScenario",
     "get_scenario",

@@ -13,6 +13,7 @@ from adrl.ranges import Range, check_ranges
 from adrl.types import Scenario
 from adrl.worlds import BarnScenario, MapScenario, SdfScenario, get_scenario
 from adrl.worlds.fixed import FixedWorld
+from adrl.worlds.people import among_people
 from adrl.worlds.ros_map import Unknown
 
 
@@ -38,6 +39,14 @@ class Place:
     barn_held_out: Annotated[int, Range(0, 1_000_000)] = 0
     """So many of these worlds, evenly spread in the order of their numbers, are kept for validation and test, and
     training has the others; 0 to 1e+06, and 0 trains, validates and tests on all."""
+    people: Annotated[int, Range(0, 64)] = 0
+    """So many people walk there: 0 to 64. 0: nobody, or as many as the scenario has of its own (crowd, corridor,
+    doorway, office)."""
+    people_share: Annotated[float, Range(0.0, 1.0)] | None = None
+    """Of what is to be done to avoid the robot, the part that people do who look: 0 leaves all to the robot, 0.5 is
+    reciprocal and the default, 1 leaves nothing to it; 0 to 1."""
+    legs: bool = False
+    """The LiDAR sees two legs of each person, which swing, instead of the body."""
 
     def __post_init__(self) -> None:
         check_ranges(self, "")
@@ -72,6 +81,9 @@ class Place:
 
     @cached_property
     def _loaded(self) -> Scenario:
+        return among_people(self._place(), self.people, self.people_share, self.legs)
+
+    def _place(self) -> Scenario:
         if self.map is not None:
             return MapScenario(self.map, self.unknown)
         if self.world is not None:

@@ -25,7 +25,7 @@ OBSTACLE, UNDERCARRIAGE = 1, 2
 def save_sdf(path: str | os.PathLike[str], world: World) -> None:
     """Write the world as a file that Gazebo 11 and load_sdf read, with ground and light. Raises OSError.
 
-    Moving discs stand where they are at time 0; people are left out.
+    Moving discs stand where they are at time 0.
     """
     files.atomic_write_bytes(path, to_bytes(document(models(world), ground=True)))
 

@@ -135,6 +135,8 @@ class Gazebo:
         one source of noise for all robots: with more than one, a reset of one changes what the others will draw.
         """
         for i, task in zip(indices, tasks, strict=True):
+            if len(task.people):
+                raise ConfigError("nobody walks in Gazebo: leave --people out, or take our simulator")
             if self._standing[i] is not task.world:
                 self._furnish(int(i), task.world)
                 self._standing[i] = task.world
@@ -162,8 +164,6 @@ class Gazebo:
         Boxes and cylinders of the last world are given other sizes and places: Gazebo never quite forgets a model, and
         each reset would take longer than the last.
         """
-        if len(world.people):
-            raise ConfigError("nobody walks in Gazebo: take our simulator for worlds with people")
         if self._film is not None:
             raise ConfigError("a film shows one world; start another for tasks in another one")
         self._arrange(slot, parts(world), world.discs + self._offset[slot] * _DISC_X)
