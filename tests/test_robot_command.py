@@ -15,6 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.image import imread
 
+import nav2_files
 from adrl._core import Braking
 from adrl.commands.options import parse
 from adrl.descriptions import Finding, drive_command
@@ -70,6 +71,29 @@ def test_parameters_and_settings_make_a_robot(
     captured = capsys.readouterr()
     assert captured.out == f"{out}\n"
     assert command in captured.err
+
+
+def test_a_car_is_made_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    content = parameters(CART)
+    drives = content["controller_server"]["ros__parameters"]["FollowPath"]
+    drives.clear()
+    drives.update(nav2_files.mppi(CART) | {"motion_model": "Ackermann"})
+    file, out = write(tmp_path / "nav2.yaml", content), tmp_path / "car.toml"
+    assert run_cli("robot", "--from-nav2", file, *given_by(*REST), "--out", out) == 2
+    asked = capsys.readouterr().err
+    assert (
+        f"min_turning_radius_m is not in {file}; give --set min_turning_radius_m=NUMBER (0 to 10 m)" in asked
+    )
+    drives["AckermannConstraints"] = {"min_turning_r": 0.7}
+    write(file, content)
+    assert run_cli("robot", "--from-nav2", file, *given_by(*REST), "--out", out) == 0
+    assert load_robot(out).min_turning_radius_m == 0.7
+    assert run_cli("robot", out, "--out", tmp_path / "car.svg") == 0
+    assert "tightest curve, 0.7 m" in (tmp_path / "car.svg").read_text()
+    assert "cannot back" not in capsys.readouterr().out
+    out.write_text(out.read_text().replace("min_speed_mps = -0.2", "min_speed_mps = 0.0"))
+    assert run_cli("robot", out, "--out", tmp_path / "car.svg") == 0
+    assert "cannot back" in capsys.readouterr().out
 
 
 def test_without_out_the_file_is_printed(nav2: Path, capsys: pytest.CaptureFixture[str]) -> None:

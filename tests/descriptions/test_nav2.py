@@ -215,13 +215,17 @@ REFUSED: dict[str, tuple[Callable[[dict[str, Any]], object], str]] = {
         lambda c: c["velocity_smoother"]["ros__parameters"].update(max_velocity=[1.0, 0.4, 1.0]),
         r"velocity_smoother.max_velocity\[1\] is 0.4: that is an omni-directional robot",
     ),
-    "car-like by model": (
-        lambda c: controller(c).update(nav2_files.mppi(ROBOT) | {"motion_model": "Ackermann"}),
-        "FollowPath.motion_model is Ackermann: that is a car-like robot, .*; car-like ones come later",
+    "omni-directional by model": (
+        lambda c: controller(c).update(nav2_files.mppi(ROBOT) | {"motion_model": "Omni"}),
+        "FollowPath.motion_model is Omni: that is an omni-directional robot, .* set its y speeds to 0",
     ),
-    "car-like by radius": (
-        lambda c: controller(c).update(nav2_files.teb(ROBOT) | {"min_turning_radius": 0.8}),
-        "min_turning_radius is 0.8: that is a car-like robot",
+    "omni-directional by its least speed": (
+        lambda c: controller(c).update(min_vel_y=-0.3),
+        "FollowPath.min_vel_y is -0.3: that is an omni-directional robot",
+    ),
+    "omni-directional by the smoother's least": (
+        lambda c: c["velocity_smoother"]["ros__parameters"].update(min_velocity=[0.0, -0.4, -1.0]),
+        r"velocity_smoother.min_velocity\[1\] is -0.4: that is an omni-directional robot",
     ),
     "two LiDARs": (
         second_lidar,
@@ -255,6 +259,71 @@ def test_what_is_no_such_robot_is_refused_by_its_place(tmp_path: Path, name: str
     with pytest.raises(ConfigError, match=message) as caught:
         read_nav2([write(tmp_path / "p.yaml", content)])
     assert str(tmp_path / "p.yaml") in str(caught.value)
+
+
+def smac(content: dict[str, Any], radius_m: float, plugin: str = "SmacPlannerHybrid") -> None:
+    """A planner of curves."""
+    grid = {"plugin": f"nav2_smac_planner::{plugin}", "minimum_turning_radius": radius_m}
+    content["planner_server"] = {"ros__parameters": {"planner_plugins": ["GridBased"], "GridBased": grid}}
+
+
+def ackermann(content: dict[str, Any], **constraints: float) -> None:
+    controller(content).clear()
+    controller(content).update(nav2_files.mppi(ROBOT) | {"motion_model": "Ackermann"})
+    if constraints:
+        controller(content)["AckermannConstraints"] = constraints
+
+
+def never_turning(content: dict[str, Any]) -> None:
+    controller(content).clear()
+    controller(content).update(nav2_files.pure_pursuit(ROBOT) | {"use_rotate_to_heading": False})
+    smac(content, 0.45)
+
+
+CARS: dict[str, tuple[Callable[[dict[str, Any]], object], float | None]] = {
+    "MPPI says it": (lambda c: ackermann(c, min_turning_r=0.35), 0.35),
+    "MPPI, and the planner's radius is another": (
+        lambda c: (ackermann(c, min_turning_r=0.35), smac(c, 0.5)),
+        0.35,
+    ),
+    "MPPI says no radius, the planner does": (lambda c: (ackermann(c), smac(c, 0.5)), 0.5),
+    "a lattice": (lambda c: (ackermann(c), smac(c, 0.5, "SmacPlannerLattice")), 0.5),
+    "TEB": (lambda c: controller(c).update(nav2_files.teb(ROBOT) | {"min_turning_radius": 0.8}), 0.8),
+    "pure pursuit that never turns on the spot": (never_turning, 0.45),
+    "MPPI that drives no car": (
+        lambda c: controller(c).update(
+            nav2_files.mppi(ROBOT) | {"AckermannConstraints": {"min_turning_r": 0.2}}
+        ),
+        None,
+    ),
+    "a planner of curves for any robot": (lambda c: smac(c, 0.4), None),
+}
+
+
+@pytest.mark.parametrize("name", CARS)
+def test_a_car_has_the_radius_that_is_its_own(tmp_path: Path, name: str) -> None:
+    spoil, radius_m = CARS[name]
+    content = parameters(ROBOT)
+    spoil(content)
+    assert read(tmp_path / "p.yaml", content).get("min_turning_radius_m") == radius_m
+
+
+def test_a_car_without_a_radius_is_asked_for_it(tmp_path: Path) -> None:
+    content = parameters(ROBOT)
+    ackermann(content)
+    assert "min_turning_radius_m" in settle(read_nav2([write(tmp_path / "p.yaml", content)]).findings).missing
+    assert (
+        "min_turning_radius_m"
+        not in settle(read_nav2([write(tmp_path / "q.yaml", parameters(ROBOT))]).findings).missing
+    )
+
+
+def test_a_planners_radius_that_nothing_confirms_is_told(tmp_path: Path) -> None:
+    content = parameters(ROBOT)
+    smac(content, 0.4)
+    (note,) = read_nav2([write(tmp_path / "p.yaml", content)]).notes
+    assert "GridBased.minimum_turning_radius is 0.4" in note
+    assert "--set min_turning_radius_m=0.4" in note
 
 
 def test_of_two_lidars_the_topic_chooses(tmp_path: Path) -> None:

@@ -243,9 +243,9 @@ REFUSED: dict[str, tuple[str, str]] = {
         urdf(drive=OTHER.format("libgazebo_ros_planar_move.so")),
         "libgazebo_ros_planar_move.so p: that is an omni-directional robot",
     ),
-    "a car-like base": (
-        urdf(drive=OTHER.format("gz-sim-ackermann-steering-system")),
-        "that is a car-like robot",
+    "a holonomic base": (
+        urdf(drive=OTHER.format("libHolonomicDrive.so")),
+        "that is an omni-directional robot, .* set its y speeds to 0",
     ),
     "xacro": (
         urdf(body="<box size='${width} 1 1'/>"),
@@ -287,3 +287,21 @@ def test_a_link_that_is_not_there_is_refused_with_those_that_are(tmp_path: Path)
         ConfigError, match="has no link 'mast'; it has base_footprint, base_link, plate, laser"
     ):
         read_urdf(path, "mast")
+
+
+STEERED = (
+    '<gazebo><plugin filename="gz-sim-ackermann-steering-system" name="gz::sim::systems::AckermannSteering">'
+    "<wheel_base>0.5</wheel_base>{}<max_velocity>1.4</max_velocity><min_velocity>-0.4</min_velocity></plugin></gazebo>"
+)
+
+
+def test_a_car_has_the_tightest_curve_of_its_steering(tmp_path: Path) -> None:
+    found = read(tmp_path, urdf(drive=STEERED.format("<steering_limit>0.5</steering_limit>")))
+    assert found["min_turning_radius_m"] == pytest.approx(0.5 / math.tan(0.5))
+    assert (found["max_speed_mps"], found["min_speed_mps"]) == (1.4, -0.4)
+
+
+@pytest.mark.parametrize("drive", [STEERED.format(""), OTHER.format("libgazebo_ros_ackermann_drive.so")])
+def test_a_car_whose_steering_is_not_told_is_asked_for_its_curve(tmp_path: Path, drive: str) -> None:
+    reading = read_urdf(write(tmp_path / "cart.urdf", urdf(drive=drive)))
+    assert "min_turning_radius_m" in settle(reading.findings).missing

@@ -245,5 +245,9 @@ def _table(robot: RobotConfig) -> Table:
     table.add_row("stops from full speed in", f"{robot.stop_time_s:.2f} s, {robot.stop_distance_m:.2f} m")
     table.add_row("narrowest gap, straight ahead", f"{numbers.gap_m:.2f} m")
     table.add_row("width that it turns in", f"{numbers.turning_width_m:.2f} m")
+    if robot.is_car and robot.min_speed_mps == 0.0:
+        table.add_row(
+            "cannot back", "out of a dead end there is no way; min_speed_mps below 0 drives both ways"
+        )
     table.add_row("blind angle of the LiDAR", f"{math.degrees(numbers.blind_rad):.0f} degrees")
     return table

@@ -26,6 +26,8 @@ class Names:
     """Above 0 where the robot is omni-directional."""
     turning_radius: tuple[str, ...] = ()
     """Above 0 where it is car-like."""
+    turns: str | None = None
+    """Whether it turns the robot on the spot at all."""
 
 
 _DWA = Names(
@@ -35,7 +37,7 @@ _DWA = Names(
     yaw_rate=("max_vel_theta", "max_rot_vel", "max_vel_rot", "max_rotational_vel"),
     accelerations=("acc_lim_x", "decel_lim_x"),
     yaw_accelerations=("acc_lim_theta", "acc_lim_th", "decel_lim_theta"),
-    sideways=("max_vel_y",),
+    sideways=("max_vel_y", "min_vel_y"),
 )
 _TEB = Names(
     speed=("max_vel_x",),
@@ -60,6 +62,7 @@ _PURE_PURSUIT = Names(
     accelerations=("max_linear_accel", "max_linear_decel"),
     yaw_accelerations=("max_angular_accel",),
     turns_on_the_spot=("rotate_to_heading_angular_vel",),
+    turns="use_rotate_to_heading",
 )
 _GRACEFUL = Names(
     speed=("v_linear_max",),
@@ -67,6 +70,8 @@ _GRACEFUL = Names(
     yaw_rate=("v_angular_max",),
     turns_on_the_spot=("v_angular_max_in_place",),
 )
+CAR_PLANNERS = ("SmacPlannerHybrid", "SmacPlannerLattice", "SmacPlanner")
+"""Global planners that plan curves, and not for cars alone: their minimum_turning_radius hints at a car's."""
 CONTROLLERS: dict[str, Names] = {
     **dict.fromkeys(("DWBLocalPlanner", "DWAPlannerROS", "TrajectoryPlannerROS", "NeoLocalPlanner"), _DWA),
     "TebLocalPlannerROS": _TEB,

@@ -24,6 +24,8 @@ NEEDED = (
     *("lidar.max_range_m", "lidar.mount_x_m", "lidar.mount_y_m", "lidar.mount_yaw_rad"),
 )
 """And all of these."""
+TURNING_RADIUS = "min_turning_radius_m"
+"""Of a car-like robot, and only such are asked for it; others turn on the spot."""
 ASSUMED = ("lag_s", "latency_s", "odometry_drift", "lidar.noise_std_m", "lidar.dropout_probability")
 """Hardly any source says them: their defaults hold, and it is said that they do."""
 TOPICS = (
@@ -31,6 +33,8 @@ TOPICS = (
     "sensor_yaw_rad",
 )
 """No fields of a robot, but what the command that drives it needs."""
+CAR = "car"
+"""No field of a robot either: what says that it is car-like."""
 UNITS = {
     "radps2": "rad/s^2",
     "radps": "rad/s",
@@ -41,8 +45,10 @@ UNITS = {
     "s": "s",
 }
 
-OMNI = "an omni-directional robot, and ADRL drives what turns on the spot and never moves sideways"
-CAR_LIKE = "a car-like robot, and ADRL drives what turns on the spot; car-like ones come later"
+OMNI = (
+    "an omni-directional robot, and ADRL never moves sideways; to have it driven as a differential one, set its y "
+    "speeds to 0 and its motion models to differential ones"
+)
 """Why a robot is refused; goes on from "that is"."""
 
 SAME = {"lidar.mount_x_m": 0.02, "lidar.mount_y_m": 0.02, "lidar.mount_yaw_rad": 0.02, "lidar.fov_rad": 0.02}
@@ -123,7 +129,11 @@ class Settled:
 def settle(findings: Iterable[Finding]) -> Settled:
     """What holds of all fields. Earlier findings count before later ones of the same standing."""
     by_field: dict[str, list[Finding]] = {}
+    findings = list(findings)
+    is_car = any(finding.field == CAR for finding in findings)
     for finding in findings:
+        if finding.field == TURNING_RADIUS and finding.standing is Standing.HINT and not is_car:
+            continue  # planners have one for robots that turn on the spot, too
         name = SHAPE[0] if finding.field in SHAPE else finding.field
         by_field.setdefault(name, []).append(finding)
     chosen: dict[str, Finding] = {}
@@ -133,14 +143,15 @@ def settle(findings: Iterable[Finding]) -> Settled:
         faults += wrong
         if not wrong:
             chosen[best.field] = best
-    missing = [name for name in (SHAPE[0], *NEEDED) if name not in by_field]
+    needed = (SHAPE[0], *NEEDED, *((TURNING_RADIUS,) if CAR in by_field else ()))
+    missing = [name for name in needed if name not in by_field]
     return Settled(chosen=chosen, faults=tuple(faults), missing=tuple(missing))
 
 
 def _best(name: str, found: list[Finding]) -> tuple[Finding, list[str]]:
     """Of findings of one field, ordered by standing, the one that holds, and what is wrong."""
     best = found[0]
-    if best.standing is Standing.GIVEN or name in TOPICS[1:]:
+    if best.standing is Standing.GIVEN or name in TOPICS[1:] or name == CAR:
         return best, []
     said = [finding for finding in found if finding.standing is Standing.SAID]
     if wrong := [line for finding in found for line in _shape_faults(finding)]:
@@ -265,7 +276,7 @@ def given_fields(settings: Iterable[str]) -> list[Finding]:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not equals:
             raise ConfigError(f"--set {brief(text)} is no NAME=VALUE, such as max_speed_mps=0.5")
-        known = (*SHAPE, *NEEDED, *ASSUMED)
+        known = (*SHAPE, *NEEDED, TURNING_RADIUS, *ASSUMED)
         if name not in known:
             nearest = get_close_matches(name, known, n=1, cutoff=0.4)
             hint = f"did you mean {nearest[0]!r}? " if nearest else ""

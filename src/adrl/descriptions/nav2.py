@@ -5,8 +5,8 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from adrl.descriptions.controllers import CONTROLLERS, SHIM, Names, class_of
-from adrl.descriptions.findings import CAR_LIKE, OMNI, Finding, Reading, Standing
+from adrl.descriptions.controllers import CAR_PLANNERS, CONTROLLERS, SHIM, Names, class_of
+from adrl.descriptions.findings import CAR, OMNI, TURNING_RADIUS, Finding, Reading, Standing
 from adrl.descriptions.parameters import NODE, Section, read_sections
 from adrl.errors import ConfigError, brief
 
@@ -27,14 +27,15 @@ LINEAR, SIDEWAYS, TURN = range(3)
 def read_nav2(paths: Sequence[Path], scan_topic: str | None = None) -> Reading:
     """What parameter files say together. scan_topic: of the LiDAR that is meant, where there are several.
 
-    Raises ConfigError for a file that cannot be read, a number that is none, a robot that is omni-directional or
-    car-like, and several LiDARs.
+    Raises ConfigError for a file that cannot be read, a number that is none, a robot that is omni-directional, and
+    several LiDARs.
     """
     sections = [section for path in paths for section in read_sections(path)]
     reader = _Reader(sections, scan_topic)
     for path in paths:
         reader.read([section for section in sections if section.path == path])
     reader.choose_scan()
+    reader.choose_kind()
     return reader.reading
 
 
@@ -45,6 +46,8 @@ class _Reader:
         self._scans: list[tuple[str, str, list[Finding]]] = []
         """Topic, place, and what is known of the LiDAR on it."""
         planners = (section.parameters.get("base_local_planner") for section in sections)
+        self._never_turns: str | None = None
+        """Place that says that the robot is not turned on the spot."""
         self._planners = {class_of(planner) for planner in planners if planner is not None}
         """Classes of controllers that move_base is to use: its files often have several."""
 
@@ -54,6 +57,7 @@ class _Reader:
         for section in sections:
             self._costmap(section)
             self._controller(section)
+            _car_planner(section)
             _smoother(section)
             _motion_model(section)
             _frames(section)
@@ -109,18 +113,36 @@ class _Reader:
                 self.reading.add("scan_topic", _absolute(topic), place)
                 self.reading.findings.extend(findings)
 
+    def choose_kind(self) -> None:
+        """A car, where no controller says so: a planner of curves, and a controller that never turns on the spot."""
+        said = {finding.field: finding for finding in self.reading.findings}
+        if CAR in said or TURNING_RADIUS not in said:
+            return
+        if self._never_turns is not None:
+            self.reading.add(CAR, True, self._never_turns)
+        else:
+            hint = said[TURNING_RADIUS]
+            self.reading.notes.append(
+                f"{hint.place} is {hint.value:g}: of a robot that is car-like, which nothing here says; if it is, "
+                f"--set {TURNING_RADIUS}={hint.value:g}"
+            )
+
     def _controller(self, section: Section) -> None:
         name = section.where[-1] if section.where else ""
         used = section.parent.get("controller_plugins")
         if isinstance(used, list) and "plugin" in section.parameters and name not in used:
             return
         plugin = class_of(section.text("plugin") or name)
-        if plugin == SHIM:
+        shim = plugin == SHIM
+        if shim:
             plugin = class_of(section.text("primary_controller") or SHIM)
         if self._planners and NODE not in section.where and plugin not in self._planners:
             return
         if plugin in CONTROLLERS:
-            _limits(section, CONTROLLERS[plugin])
+            names = CONTROLLERS[plugin]
+            _limits(section, names)
+            if names.turns is not None and section.get(names.turns) is False and not shim:
+                self._never_turns = section.place(names.turns)
         elif isinstance(used, list) and name in used and plugin != SHIM:
             known = ", ".join(CONTROLLERS)
             self.reading.notes.append(
@@ -132,14 +154,12 @@ def _limits(section: Section, names: Names) -> None:
     """What a controller drives the robot by. Raises ConfigError for a robot of another kind."""
     if section.where[-1] == "TrajectoryPlannerROS" and section.get("holonomic_robot") is True:
         raise ConfigError(f"{section.place('holonomic_robot')} is true: that is {OMNI}")
-    for group, kind in ((names.sideways, OMNI), (names.turning_radius, CAR_LIKE)):
-        name = section.first(group)
-        if name is not None and (section.number(name) or 0.0) > 1e-3:
-            raise ConfigError(f"{section.place(name)} is {section.number(name):g}: that is {kind}")
-    model = section.get("motion_model")
-    for word, kind in (("Omni", OMNI), ("Ackermann", CAR_LIKE)):
-        if model == word:
-            raise ConfigError(f"{section.place('motion_model')} is {model}: that is {kind}")
+    for name in names.sideways:
+        if abs(section.number(name) or 0.0) > 1e-3:
+            raise ConfigError(f"{section.place(name)} is {section.number(name):g}: that is {OMNI}")
+    if section.get("motion_model") == "Omni":
+        raise ConfigError(f"{section.place('motion_model')} is Omni: that is {OMNI}")
+    _turning_radius(section, names)
     speed = section.first(names.speed)
     if speed is not None:
         section.add("max_speed_mps", section.number(speed), speed)
@@ -153,6 +173,29 @@ def _limits(section: Section, names: Names) -> None:
         name = section.first(group)
         if name is not None:
             section.add("max_yaw_rate_radps", section.number(name), name, standing)
+
+
+def _turning_radius(section: Section, names: Names) -> None:
+    """Whether the controller drives a car, and how tight a curve."""
+    name = section.first(names.turning_radius)
+    if name is not None and (section.number(name) or 0.0) > 1e-3:
+        section.add(CAR, True, name)
+        section.add(TURNING_RADIUS, section.number(name), name)
+    if section.get("motion_model") == "Ackermann":
+        section.add(CAR, True, "motion_model")
+        constraints = section.parameters.get("AckermannConstraints")
+        if isinstance(constraints, Mapping):
+            inner = Section(section.path, (*section.where, "AckermannConstraints"), constraints, {})
+            inner.add(TURNING_RADIUS, inner.number("min_turning_r"), "min_turning_r")
+            section.reading.findings.extend(inner.reading.findings)
+            section.reading.notes.extend(inner.reading.notes)
+
+
+def _car_planner(section: Section) -> None:
+    """A planner of curves, whose radius is a car's where another source says that the robot is one."""
+    if class_of(section.text("plugin") or "") in CAR_PLANNERS:
+        name = "minimum_turning_radius"
+        section.add(TURNING_RADIUS, section.number(name) or None, name, Standing.HINT)
 
 
 def _least_speed(section: Section, names: Names, speed: float) -> None:
@@ -181,8 +224,10 @@ def _smoother(section: Section) -> None:
     if not {"max_velocity", "max_accel"} <= section.parameters.keys():
         return
     most, least = section.numbers("max_velocity"), section.numbers("min_velocity")
-    if (most[SIDEWAYS] or 0.0) > 1e-3:
-        raise ConfigError(f"{section.place('max_velocity[1]')} is {most[SIDEWAYS]:g}: that is {OMNI}")
+    for name, speeds in (("max_velocity", most), ("min_velocity", least)):
+        sideways = speeds[SIDEWAYS] or 0.0
+        if abs(sideways) > 1e-3:
+            raise ConfigError(f"{section.place(f'{name}[1]')} is {sideways:g}: that is {OMNI}")
     section.add("max_speed_mps", most[LINEAR], "max_velocity[0]", Standing.LIMIT)
     section.add("max_yaw_rate_radps", most[TURN], "max_velocity[2]", Standing.LIMIT)
     if (reverse := least[LINEAR]) is not None:

@@ -1,12 +1,13 @@
 """URDF, with what Gazebo's tags in it say: LiDAR, footprint, limits of the drive. Needs the extra `urdf`."""
 
+import math
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
-from adrl.descriptions.findings import CAR_LIKE, OMNI, Reading, Standing, beams_of
+from adrl.descriptions.findings import CAR, OMNI, TURNING_RADIUS, Reading, Standing, beams_of
 from adrl.descriptions.recording import add_mount
 from adrl.descriptions.urdf_body import Body, listed, parse
 from adrl.descriptions.urdf_shapes import add_footprint
@@ -19,7 +20,8 @@ SENSORS = ("ray", "gpu_ray", "lidar", "gpu_lidar")
 LIKELY = re.compile("scan|laser|lidar", re.IGNORECASE)
 """Names of links that may be a LiDAR."""
 DIFFERENTIAL = re.compile("diff_?drive", re.IGNORECASE)
-OTHER_DRIVES = {"planar_?move|mecanum|omni": OMNI, "ackermann|tricycle": CAR_LIKE}
+OMNI_DRIVE = re.compile("planar_?move|mecanum|omni|holonomic|swerve", re.IGNORECASE)
+CAR_DRIVE = re.compile("ackermann|tricycle|car_?like", re.IGNORECASE)
 LIMITS = {
     "max_linear_velocity": "max_speed_mps",
     "min_linear_velocity": "min_speed_mps",
@@ -28,6 +30,12 @@ LIMITS = {
     "max_angular_acceleration": "max_yaw_acceleration_radps2",
 }
 """Of Gazebo's differential drive."""
+CAR_LIMITS = {
+    "max_velocity": "max_speed_mps",
+    "min_velocity": "min_speed_mps",
+    "max_acceleration": "max_acceleration_mps2",
+}
+"""Of its Ackermann steering."""
 FRAMES = {"odometry_frame": "odom_frame", "odometryFrame": "odom_frame", "frame_id": "odom_frame"}
 REMAPPED = re.compile(r"~/out:=(\S+)")
 
@@ -38,7 +46,7 @@ def read_urdf(path: Path, lidar: str | None = None, base: str | None = None) -> 
     lidar: the link or sensor that is the LiDAR, where several or none are marked as one. base: the robot's frame by
     other sources, if that is a link of it. Raises MissingExtra without
     yourdfpy; ConfigError for a file that is no URDF, and for a robot without a LiDAR, with several, with one that is
-    tilted or moves, or that is omni-directional or car-like.
+    tilted or moves, or that is omni-directional.
     """
     root = parse(path)
     reading = Reading()
@@ -184,12 +192,14 @@ def _drive(reading: Reading, root: Element, path: Path) -> None:
     """Limits and frames of the plugin that drives the robot. Raises ConfigError for one of another kind."""
     for plugin in (p for tags in root.iter("gazebo") for p in tags.iter("plugin")):
         kind = f"{plugin.get('filename', '')} {plugin.get('name', '')}"
-        for words_of, what in OTHER_DRIVES.items():
-            if re.search(words_of, kind, re.IGNORECASE):
-                raise ConfigError(f"{path} has the plugin {brief(kind)}: that is {what}")
-        if not DIFFERENTIAL.search(kind):
+        if OMNI_DRIVE.search(kind):
+            raise ConfigError(f"{path} has the plugin {brief(kind)}: that is {OMNI}")
+        if CAR_DRIVE.search(kind):
+            reading.add(CAR, True, f"{path}: plugin {brief(kind)}")
+            _steering(reading, plugin, f"the plugin {brief(kind)}", path)
+        elif not DIFFERENTIAL.search(kind):
             continue
-        for tag, name in LIMITS.items():
+        for tag, name in (CAR_LIMITS if CAR_DRIVE.search(kind) else LIMITS).items():
             text = plugin.findtext(tag)
             if text is not None:
                 (value,) = words(text, 1, f"<{tag}> of the plugin {brief(kind)}")
@@ -197,3 +207,15 @@ def _drive(reading: Reading, root: Element, path: Path) -> None:
         for tag, name in FRAMES.items():
             if frame := (plugin.findtext(tag) or "").strip().strip("/"):
                 reading.add(name, brief(frame), f"{path}: {tag}", Standing.HINT)
+
+
+def _steering(reading: Reading, plugin: Element, what: str, path: Path) -> None:
+    """The tightest curve of a car whose wheel base and greatest steering angle its plugin tells."""
+    texts = [plugin.findtext(tag) for tag in ("wheel_base", "steering_limit")]
+    if texts[0] is None or texts[1] is None:
+        return
+    (wheel_base,) = words(texts[0], 1, f"<wheel_base> of {what}")
+    (steering,) = words(texts[1], 1, f"<steering_limit> of {what}")
+    if wheel_base > 0.0 and 0.0 < steering < 0.5 * math.pi:
+        place = f"{path}: wheel_base over the tangent of steering_limit"
+        reading.add(TURNING_RADIUS, wheel_base / math.tan(steering), place)

@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Mapping
 from pathlib import Path
 
-from adrl.descriptions.findings import ASSUMED, Finding, Standing, shown
+from adrl.descriptions.findings import ASSUMED, TURNING_RADIUS, Finding, Standing, shown
 from adrl.errors import ConfigError
 from adrl.types import RobotConfig
 from adrl.worlds.robot_files import robot_from_fields, robot_toml
@@ -44,6 +44,8 @@ def robot_text(robot: RobotConfig, chosen: Mapping[str, Finding], out: Path | No
         name = f"{table}{line.partition(' = ')[0]}"
         if name in chosen:
             line = f"{line}  # {_comment(chosen[name])}"
+        elif name == TURNING_RADIUS:
+            line = f"{line}  # turns on the spot: no source says that it is car-like"
         elif name in ASSUMED:
             line = f"{line}  # the default: no source says it; {ASSUMPTIONS[name]}"
         lines.append(line)

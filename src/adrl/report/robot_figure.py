@@ -12,7 +12,7 @@ from matplotlib.patches import Circle, Patch, Polygon, Wedge
 from adrl.report.figures import INK, PALETTE, SOLID, blank_figure
 from adrl.types import RobotConfig
 
-SEEN, BLIND, STOPPED = PALETTE[4], PALETTE[1], PALETTE[2]
+SEEN, BLIND, STOPPED, CURVE = PALETTE[4], PALETTE[1], PALETTE[2], PALETTE[3]
 VIEW = 3.0
 """Times the radius about the origin that the picture shows, at least."""
 MOST_RAYS = 72
@@ -25,7 +25,7 @@ class Derived:
     gap_m: float
     """Width of the narrowest gap that it passes straight ahead."""
     turning_width_m: float
-    """Diameter of what it sweeps when it turns on the spot."""
+    """Diameter of what it sweeps when it turns on the spot; a car on its tightest curve."""
     blind_rad: float
     """Angle about the LiDAR that no beam looks into."""
 
@@ -36,8 +36,17 @@ def derived(robot: RobotConfig) -> Derived:
     width = 2.0 * robot.circumscribed_radius_m if robot.radius_m is not None else float(np.ptp(corners[:, 1]))
     return Derived(
         gap_m=width,
-        turning_width_m=2.0 * robot.circumscribed_radius_m,
+        turning_width_m=2.0 * _outer_radius_m(robot),
         blind_rad=max(0.0, 2.0 * math.pi - robot.lidar.fov_rad),
+    )
+
+
+def _outer_radius_m(robot: RobotConfig) -> float:
+    """Of what the footprint covers on its tightest curve, about that curve's middle."""
+    if robot.radius_m is not None:
+        return robot.min_turning_radius_m + robot.radius_m
+    return float(
+        np.hypot(robot.polygon[:, 0], np.abs(robot.polygon[:, 1]) + robot.min_turning_radius_m).max()
     )
 
 
@@ -47,7 +56,7 @@ def robot_figure(robot: RobotConfig) -> Figure:
     figure = blank_figure(6.4, 6.0)
     axes = figure.subplots()
     reach = max(VIEW * robot.circumscribed_radius_m, 1.2 * robot.stop_distance_m)
-    reach = max(reach, 1.2 * math.hypot(lidar.mount_x_m, lidar.mount_y_m))
+    reach = max(reach, 1.2 * math.hypot(lidar.mount_x_m, lidar.mount_y_m), 1.2 * robot.min_turning_radius_m)
     _panel(axes, robot, reach)
     axes.set(xlabel="x, m", ylabel="y, m")
     axes.set_title(robot.name, loc="left")
@@ -56,6 +65,9 @@ def robot_figure(robot: RobotConfig) -> Figure:
         f"LiDAR, {lidar.num_beams} beams to {lidar.max_range_m:g} m": Patch(facecolor=SEEN, alpha=0.3),
         f"stopped from {robot.max_speed_mps:g} m/s": Patch(fill=False, edgecolor=STOPPED, linestyle="--"),
     }
+    if robot.is_car:
+        label = f"tightest curve, {robot.min_turning_radius_m:g} m"
+        labels[label] = Patch(fill=False, edgecolor=CURVE)
     if numbers.blind_rad > lidar.angle_increment_rad:
         labels[f"blind, {math.degrees(numbers.blind_rad):.0f} degrees"] = _blind_patch()
     figure.legend(
@@ -87,6 +99,8 @@ def _panel(axes: Axes, robot: RobotConfig, reach: float) -> None:
     _body(axes, robot, 0.0, facecolor=SOLID, edgecolor=INK, linewidth=1.4, zorder=4)
     stopped = {"fill": False, "edgecolor": STOPPED, "linestyle": "--", "linewidth": 1.2, "zorder": 3}
     _body(axes, robot, robot.stop_distance_m, **stopped)
+    if robot.is_car:
+        _curves(axes, robot)
     size = 0.4 * robot.circumscribed_radius_m
     head = {"head_width": 0.25 * size, "length_includes_head": True, "zorder": 6, "color": INK}
     axes.arrow(0.0, 0.0, size, 0.0, **head)
@@ -97,6 +111,16 @@ def _panel(axes: Axes, robot: RobotConfig, reach: float) -> None:
     axes.arrow(x, y, *ahead, **head | {"color": PALETTE[0], "zorder": 7})
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     axes.grid(color="#E4E6EA", linewidth=0.6, zorder=0)
+
+
+def _curves(axes: Axes, robot: RobotConfig) -> None:
+    """A quarter of the tightest curve to each side, forward, and backward where it can."""
+    radius = robot.min_turning_radius_m
+    for side in (1.0, -1.0):
+        for way in (1.0, -1.0) if robot.min_speed_mps < 0.0 else (1.0,):
+            turn = np.linspace(0.0, 0.5 * math.pi, 40)
+            x, y = way * radius * np.sin(turn), side * radius * (1.0 - np.cos(turn))
+            axes.plot(x, y, color=CURVE, linewidth=1.2, zorder=3)
 
 
 def _view(axes: Axes, robot: RobotConfig, reach: float) -> None:
