@@ -18,6 +18,7 @@ from adrl.runs import RunConfig
 from adrl.runs.run import Run
 from adrl.types import LidarConfig
 from adrl.worlds import ROBOTS
+from deploy.recorded import a_policy_of_a_family
 from small_run import finished_run, run_cli
 
 DEFAULT = Path("default")
@@ -92,3 +93,23 @@ def test_a_run_ends_no_worse_than_it_began_and_says_so(
     # Weights of the start are left as they were where nothing was better.
     same = (out / "policy.safetensors").read_bytes() == (start / "policy.safetensors").read_bytes()
     assert same == (scores["kept"]["env_steps"] == 0)
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_a_policy_of_a_family_goes_on_with_one_robot_and_what_it_does_not_know_of_it_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+):
+    a_policy_of_a_family().save(tmp_path / "family")
+    (tmp_path / "own.toml").write_text("max_speed_mps = 0.6\n[lidar]\nnum_beams = 45\n")
+    few = ("--steps", "2048", "--demonstration-steps", "1024", "--task-pool", "8", "--num-envs", "16")
+    few += ("--critic-warmup-updates", "8", "--start-steps", "256", "--eval-interval-steps", "2048")
+    given = ("--scenario", "clutter", "--robot", tmp_path / "own.toml", "--fine-tune", tmp_path / "family")
+    out = ("--validation-episodes", "4", "--out", tmp_path / "run")
+    assert run_cli("train", *given, *few, *out) == 0
+    assert "own is outside: lidar.num_beams 45; the family has 60 to 1440" in caplog.text
+    tuned = find_policy(tmp_path / "run")
+    assert tuned.robot is not None
+    assert tuned.robot.lidar.num_beams == 45
+    assert tuned.told_of_body
+    assert tuned.taken_as(ROBOTS["jackal"]) == ROBOTS["jackal"], "it is told what the body is"

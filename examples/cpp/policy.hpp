@@ -72,6 +72,7 @@ class Policy {
             x.resize(known + extent_.size());
             cue_->compute(now.ranges.data(), now.pose, past.ranges.data(), past.pose, x.data() + known);
         }
+        x.insert(x.end(), body_.begin(), body_.end());
         for (std::size_t k = 0; k < layers_.size(); ++k) x = layers_[k].apply(x, k + 1 < layers_.size());
         return {std::tanh(x[0]), std::tanh(x[1])};
     }
@@ -119,7 +120,16 @@ class Policy {
             cue_.emplace(adrl::CueConfig{num_beams(), angle_min(), angle_increment(), mount(), max_range(),
                                          static_cast<int>(extent_.size()), motion_[1], motion_[2]});
         }
-        std::size_t width = extent_.size() * (cue_ ? 2 : 1) + 8;
+        if (file.has("encoder.reach")) {
+            reach_ = file.read<float>("encoder.reach");
+            if (reach_.size() != 1 || !within(reach_, kLeast, kGreatest))
+                file.fail("encoder.reach: one range is wanted");
+        }
+        if (file.has("encoder.body")) {
+            body_ = file.read<float>("encoder.body");
+            if (!within(body_, -kGreatest, kGreatest)) file.fail("encoder.body holds what is no number");
+        }
+        std::size_t width = extent_.size() * (cue_ ? 2 : 1) + 8 + body_.size();
         for (const Layer &layer : layers_) {
             if (layer.weight.size() != width * layer.bias.size()) file.fail("layers do not fit");
             if (!within(layer.weight, -kGreatest, kGreatest) || !within(layer.bias, -kGreatest, kGreatest)) {
@@ -190,6 +200,7 @@ class Policy {
                 const auto beam = static_cast<std::size_t>(beams_[s * most + k]);
                 if (beam < ranges.size()) nearest = std::min(nearest, ranges[beam]);
             }
+            if (!reach_.empty()) nearest = nearest < scales_[0] ? std::min(nearest, reach_[0]) : reach_[0];
             const float gap = std::max(nearest - extent_[s], 0.0F);
             out.push_back(std::log1p(gap / scales_[1]) * scales_[2]);
         }
@@ -198,6 +209,7 @@ class Policy {
 
     std::vector<std::int32_t> beams_;
     std::vector<float> extent_, scales_;
+    std::vector<float> reach_, body_; // of a policy of many robots: where its scale of ranges ends, what its robot is
     std::vector<double> limits_, lidar_, base_, footprint_, motion_;
     std::vector<Layer> layers_;
     std::optional<adrl::MotionCue> cue_;

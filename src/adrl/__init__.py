@@ -11,10 +11,20 @@ from typing import Any
 
 from adrl.registration import ENV_ID, register_when_possible
 
-__all__ = ["ENV_ID", "RunConfig", "TrainConfig", "__version__", "evaluate", "load_policy", "train"]  # pyright: ignore[reportUnsupportedDunderAll]
+# pyright: reportUnsupportedDunderAll=false
+__all__ = [
+    "ENV_ID",
+    "RunConfig",
+    "TrainConfig",
+    "__version__",
+    "evaluate",
+    "evaluate_family",
+    "load_policy",
+    "train",
+]
 
 # Named, not imported: the package stands below all that it offers. __init__.pyi tells type checkers.
-_API = ("RunConfig", "TrainConfig", "evaluate", "load_policy", "train")
+_API = ("RunConfig", "TrainConfig", "evaluate", "evaluate_family", "load_policy", "train")
 
 register_when_possible()
 

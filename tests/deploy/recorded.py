@@ -6,11 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from adrl.deploy import MlpPolicy, Odometry, Scan, load_policy
-from adrl.deploy.policy import DEFAULT, resolve_policy
+from adrl.deploy.policy import DEFAULT, PolicyConfig, resolve_policy
 from adrl.envs import NavSim
-from adrl.observation import EncoderConfig
+from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.observation.motion import F32
 from adrl.types import LidarConfig, RobotConfig, Task
+from adrl.worlds import FAMILIES
 
 
 def a_policy(robot: RobotConfig, *, history_steps: int = 0) -> MlpPolicy:
@@ -27,6 +28,27 @@ def a_policy(robot: RobotConfig, *, history_steps: int = 0) -> MlpPolicy:
         input_size=len(layers[0][0]),
         robot=dataclasses.asdict(robot),
         encoder=dataclasses.asdict(encoder),
+    )
+    return MlpPolicy(layers, config)
+
+
+def a_policy_of_a_family(*, history_steps: int = 0) -> MlpPolicy:
+    """For any robot of family any, at random."""
+    encoder = EncoderConfig(history_steps=history_steps, body=True, reach_m=10.0)
+    rng, size = np.random.default_rng(0), ObservationEncoder(RobotConfig(), encoder).size
+    layers = [
+        (
+            rng.normal(0.0, 1.0 / np.sqrt(n), (n, m)).astype(np.float32),
+            rng.normal(0.0, 0.1, m).astype(np.float32),
+        )
+        for n, m in ((size, 64), (64, 64), (64, 2))
+    ]
+    config = PolicyConfig(
+        input_size=size,
+        widths=(64, 64),
+        family=dataclasses.asdict(FAMILIES["any"]),
+        encoder=encoder.fields(),
+        extra={"run": "of-a-family"},
     )
     return MlpPolicy(layers, config)
 

@@ -7,12 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adrl.deploy.another_robot import as_trained, other_robot, require_encodable, robot_differences
+from adrl.deploy.another_robot import (
+    as_trained,
+    other_robot,
+    outside_family,
+    require_encodable,
+    robot_differences,
+)
 from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.observation.motion import ScanHistory
 from adrl.types import LidarConfig, RobotConfig
-from adrl.worlds import ROBOTS
+from adrl.worlds import FAMILIES, ROBOTS
 
 NUMBERS = ("max_speed_mps", "max_yaw_rate_radps", "control_period_s", "lag_s", "odometry_drift")
 
@@ -41,6 +47,16 @@ def test_the_line_names_policy_robots_and_numbers():
     )
     jackal = ROBOTS["jackal"]
     assert "footprint_m none instead of ((" in (other_robot("jackal", jackal, RobotConfig()) or "")
+
+
+def test_a_robot_outside_of_a_policys_family_is_named_with_its_numbers():
+    family = FAMILIES["any"]
+    assert outside_family("default", family, ROBOTS["jackal"]) is None
+    slow = RobotConfig(name="slow", max_speed_mps=0.1, lidar=LidarConfig(num_beams=30))
+    assert outside_family("default", family, slow) == (
+        "policy default was trained for robots of family any, and slow is outside: max_speed_mps 0.1; the family has "
+        "0.2 to 2; lidar.num_beams 30; the family has 60 to 1440"
+    )
 
 
 OTHERS = {
@@ -72,16 +88,20 @@ def test_every_number_of_a_robot_is_tried():
     assert OTHERS.keys() == numbers | lidar
 
 
+@pytest.mark.parametrize("body", [False, True])
 @pytest.mark.parametrize("steps", [0, 2])
 @pytest.mark.parametrize("name", OTHERS)
-def test_an_encoder_of_another_robot_is_refused_exactly_where_it_would_see_otherwise(name: str, steps: int):
+def test_an_encoder_of_another_robot_is_refused_exactly_where_it_would_see_otherwise(
+    name: str, steps: int, body: bool
+):
     trained = RobotConfig()
     if name.startswith("lidar."):
         lidar = dataclasses.replace(trained.lidar, **{name.removeprefix("lidar."): OTHERS[name]})
         driven = dataclasses.replace(trained, lidar=lidar)
     else:
         driven = dataclasses.replace(trained, **{name: OTHERS[name]})
-    config = EncoderConfig(history_steps=steps)
+    config = EncoderConfig(history_steps=steps, body=body)
+    taken_as = driven if body else as_trained(driven, trained)
     rng = np.random.default_rng(0)
     beams = driven.lidar.num_beams
     history = ScanHistory(32, beams, steps) if steps else None
@@ -94,13 +114,13 @@ def test_an_encoder_of_another_robot_is_refused_exactly_where_it_would_see_other
     goal, twist = rng.uniform(-3.0, 3.0, (2, 32, 2))
     last = rng.uniform(-1.0, 1.0, (32, 2)).astype(np.float32)
     seen = []
-    for robot in (trained, as_trained(driven, trained)):
+    for robot in (trained, taken_as):
         try:
             seen.append(ObservationEncoder(robot, config).encode(scans[1], goal, twist, last, history))
         except (IndexError, ValueError):  # beams of another LiDAR
             seen.append(np.empty(0))
     if np.array_equal(*seen):
-        require_encodable("mine", trained, driven, steps)
+        require_encodable("mine", trained, taken_as, steps, body=body)
     else:
         with pytest.raises(ConfigError, match=f"mine holds the encoder of robot diffbot.*{name}"):
-            require_encodable("mine", trained, driven, steps)
+            require_encodable("mine", trained, taken_as, steps, body=body)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from adrl.deploy import Navigator, Odometry, Pose, Scan, SupervisorConfig
+from adrl.deploy import MlpPolicy, Navigator, Odometry, Pose, Scan, SupervisorConfig
 from adrl.deploy.another_robot import as_trained
 from adrl.envs import NavSim
 from adrl.errors import AdrlError, ConfigError
@@ -16,8 +16,8 @@ from adrl.observation import EncoderConfig, to_twist
 from adrl.observation.motion import F32
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import LidarConfig, RobotConfig, Task, World
-from adrl.worlds import ROBOTS, get_scenario, single_task, task_set
-from deploy.recorded import Moment, a_policy, record
+from adrl.worlds import FAMILIES, ROBOTS, get_scenario, single_task, task_set
+from deploy.recorded import Moment, a_policy, a_policy_of_a_family, record
 from env_tasks import room
 
 DRIFTING = dataclasses.replace(ROBOTS["diffbot"], odometry_drift=0.05)
@@ -35,10 +35,17 @@ def replay(navigator: Navigator, moments: list[Moment]) -> F32:
     return np.array(driven, dtype=np.float32)
 
 
-def driven(robot: RobotConfig, guidance: str, task: Task, history_steps: int, steps: int = 250):
+def driven(
+    robot: RobotConfig,
+    guidance: str,
+    task: Task,
+    history_steps: int,
+    steps: int = 250,
+    policy: MlpPolicy | None = None,
+):
     """The runtime's commands, those of the simulator, and the simulator."""
-    policy = a_policy(robot, history_steps=history_steps)
-    encoder = EncoderConfig(history_steps=history_steps)
+    policy = policy or a_policy(robot, history_steps=history_steps)
+    encoder = EncoderConfig(**policy.config.encoder)
     sim = NavSim(
         1,
         robot,
@@ -49,7 +56,7 @@ def driven(robot: RobotConfig, guidance: str, task: Task, history_steps: int, st
     )
     moments = record(sim, policy, task, steps)
     world = task.world if guidance == "map" else None
-    navigator = Navigator(policy, guidance=guidance, world=world, supervisor=None)
+    navigator = Navigator(policy, robot=robot, guidance=guidance, world=world, supervisor=None)
     navigator.set_goal(task.goal, task.path if guidance == "map" else None)
     ours = replay(navigator, moments)
     theirs = to_twist(np.array([m.action for m in moments]), robot)
@@ -66,6 +73,28 @@ def test_commands_are_those_of_the_simulator(robot: RobotConfig, guidance: str, 
     ours, theirs, _ = driven(robot, guidance, task, history_steps)
     assert len(ours) > 20
     np.testing.assert_allclose(ours, theirs[: len(ours)], atol=1e-5)
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_a_policy_of_a_family_commands_each_robot_as_in_the_simulator(number: int):
+    robot = FAMILIES["any"].draw("test", number)
+    policy = a_policy_of_a_family(history_steps=2)
+    (task,) = task_set(get_scenario("dynamic"), robot, "test", 1)
+    ours, theirs, _ = driven(robot, "map", task, 2, policy=policy)
+    assert len(ours) > 5
+    assert np.ptp(theirs[:, 1]) > 0.0
+    np.testing.assert_allclose(ours, theirs[: len(ours)], atol=2e-5)
+
+
+def test_a_policy_of_a_family_says_which_numbers_of_a_robot_it_does_not_know():
+    policy = a_policy_of_a_family()
+    assert Navigator(policy, robot=ROBOTS["jackal"], guidance="goal").other_robot is None
+    slow = dataclasses.replace(ROBOTS["jackal"], max_speed_mps=0.1, max_acceleration_mps2=0.5)
+    told = Navigator(policy, robot=slow, guidance="goal").other_robot
+    assert told is not None
+    assert "max_speed_mps 0.1; the family has 0.2 to 2" in told
+    with pytest.raises(ConfigError, match="does not say which robot it drives; give robot"):
+        Navigator(policy, guidance="goal")
 
 
 @pytest.mark.parametrize("history_steps", [0, 5])

@@ -11,10 +11,12 @@ import scipy.stats
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from numpy.testing import assert_allclose
 
 from adrl.evaluation.statistics import (
     Interval,
     bootstrap_mean,
+    clustered_rate,
     holm,
     paired_difference,
     paired_p_value,
@@ -23,6 +25,7 @@ from adrl.evaluation.statistics import (
     seed_iqm,
     seed_mean,
     wilson_interval,
+    worst_decile,
 )
 
 FEW = 400
@@ -424,3 +427,58 @@ def test_a_p_value_is_the_share_of_all_signs(difference: np.ndarray) -> None:
     means = [np.mean(difference * signs) for signs in itertools.product((-1, 1), repeat=len(difference))]
     expected = np.mean(np.abs(means) >= abs(difference.mean()) - 1e-9)
     assert paired_p_value(difference, np.zeros_like(difference)) == pytest.approx(expected)
+
+
+@given(st.lists(st.booleans(), min_size=2, max_size=60))
+def test_clusters_of_one_trial_each_have_wilsons_interval(flags: list[bool]):
+    told = clustered_rate(np.array(flags), np.ones(len(flags)))
+    assert told.estimate == np.mean(flags)
+    assert_allclose(told, wilson_interval(sum(flags), len(flags)), atol=1e-12)
+
+
+@given(st.lists(st.integers(0, 20), min_size=2, max_size=40))
+def test_a_clustered_interval_holds_the_rate_and_is_between_those_of_trials_and_of_clusters(
+    successes: list[int],
+):
+    told = clustered_rate(np.array(successes), np.full(len(successes), 20))
+    trials = wilson_interval(sum(successes), 20 * len(successes))
+    assert 0.0 <= told.low <= told.estimate <= told.high <= 1.0
+    assert told.high - told.low >= trials.high - trials.low - 1e-12
+    apart = clustered_rate(np.repeat([0, 20], len(successes)), np.full(2 * len(successes), 20))
+    alike = clustered_rate(np.repeat([10, 10], len(successes)), np.full(2 * len(successes), 20))
+    assert apart.high - apart.low >= alike.high - alike.low
+
+
+def test_a_clustered_interval_covers_as_often_as_it_says_where_clusters_differ():
+    """Where Wilson's of all trials does not: rates of clusters drawn from a beta distribution about 0.9."""
+    rng = np.random.default_rng(0)
+    covered, naive = 0, 0
+    for _ in range(400):
+        k = rng.binomial(20, rng.beta(4.5, 0.5, size=50))
+        told, of_trials = clustered_rate(k, np.full(50, 20)), wilson_interval(int(k.sum()), 1000)
+        covered += told.low <= 0.9 <= told.high
+        naive += of_trials.low <= 0.9 <= of_trials.high
+    assert covered / 400 > 0.92
+    assert naive / 400 < 0.85
+
+
+def test_the_first_failure_moves_the_lower_end_little():
+    """Clusters that all succeed do not tell that all would."""
+    ends = [clustered_rate(np.repeat([20, 19], [50 - k, k]), np.full(50, 20)).low for k in range(20)]
+    assert np.diff(ends).max() < 0.003
+    assert ends[0] < wilson_interval(1000, 1000).low
+
+
+def test_no_clusters_leave_all_open_and_wrong_counts_are_an_error():
+    assert np.isnan(clustered_rate(np.empty(0), np.empty(0))).all()
+    with pytest.raises(ValueError, match="no more successes than trials"):
+        clustered_rate([2], [1])
+
+
+@given(st.lists(st.floats(0.0, 1.0), min_size=1, max_size=200))
+def test_nine_tenths_reach_the_worst_decile(values: list[float]):
+    told = worst_decile(values, resamples=50)
+    assert told.estimate in values
+    assert np.mean(np.array(values) >= told.estimate) >= 0.9
+    assert np.mean(np.array(values) <= told.estimate) >= 0.1
+    assert worst_decile([0.5, 1.0], resamples=50).estimate == 0.5

@@ -13,13 +13,16 @@ import onnxruntime
 import pytest
 
 from adrl.deploy import MlpPolicy
+from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
+from adrl.errors import ConfigError
+from adrl.export.onnx_graph import to_onnx
 from adrl.export.plain import to_safetensors
 from adrl.types import RobotConfig
-from adrl.worlds import ROBOTS
-from deploy.recorded import a_policy
+from adrl.worlds import FAMILIES, ROBOTS
+from deploy.recorded import a_policy, a_policy_of_a_family
 from deploy.scan_rows import ScanRows, random_rows
-from export.test_onnx import ours
+from export.test_onnx import by_onnxruntime, ours
 from small_run import run_cli
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -78,6 +81,45 @@ def test_the_cpp_example_agrees(programs: Path, tmp_path: Path, name: str, histo
     rows = random_rows(robot, 50, seed=2)
     theirs = velocities(programs, file, rows, with_motion=history_steps > 0)
     np.testing.assert_allclose(theirs, ours(policy, robot, rows)[1], atol=1e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+@pytest.mark.parametrize("history_steps", [0, 3])
+@pytest.mark.parametrize("number", range(4))
+def test_a_policy_of_a_family_acts_the_same_in_python_onnx_and_cpp(
+    programs: Path, tmp_path: Path, number: int, history_steps: int
+):
+    """Each fills in the body of the robot that it was made for, and takes metres for the same."""
+    robot, policy = FAMILIES["any"].draw("test", number), a_policy_of_a_family(history_steps=history_steps)
+    rows = random_rows(robot, 50, seed=number)
+    action, velocity = ours(policy, robot, rows)
+    assert np.abs(action).max() > 0.1
+    scale = (robot.max_speed_mps, robot.max_yaw_rate_radps)
+    told = by_onnxruntime(to_onnx(policy, robot), rows)
+    np.testing.assert_allclose(told[0], action, atol=2e-5)
+    np.testing.assert_allclose(told[1] / scale, velocity / scale, atol=2e-5)
+    file = tmp_path / "policy.safetensors"
+    file.write_bytes(to_safetensors(policy, robot))
+    theirs = velocities(programs, file, rows, with_motion=history_steps > 0)
+    np.testing.assert_allclose(theirs / scale, velocity / scale, atol=2e-5)
+
+
+def test_a_policy_of_a_family_is_exported_for_a_robot_that_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    a_policy_of_a_family().save(tmp_path / "run")
+    assert run_cli("export", tmp_path / "run", "--onnx") == 2
+    assert "drives robots of family any, and an export is for one; give robot" in capsys.readouterr().err
+    assert run_cli("export", tmp_path / "run", "--onnx", "--robot", "jackal") == 0
+    model = find_policy(tmp_path / "run" / "policy.onnx")
+    assert model.robot == ROBOTS["jackal"]
+    assert model.told_of_body
+    assert model.taken_as(ROBOTS["jackal"]) == ROBOTS["jackal"]
+    with pytest.raises(ConfigError, match=r"holds the encoder of robot jackal.*latency_s 0.1"):
+        model.taken_as(replace(ROBOTS["jackal"], latency_s=0.1))
+    assert run_cli("export", DEFAULT, "--onnx", "--robot", "jackal", "--out", tmp_path / "d.onnx") == 2
+    assert "was trained for robot diffbot and is exported for that" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -150,7 +150,14 @@ def _trace(task: int, ending: str) -> Trace:
     world = World(bounds=BOUNDS)
     ranges = np.empty((0, 1), np.float16)
     return Trace(
-        task=task, ending=ending, world=world, goal=(0.0, 0.0), goal_tolerance_m=0.3, ranges=ranges, **arrays
+        task=task,
+        ending=ending,
+        robot=RobotConfig(),
+        world=world,
+        goal=(0.0, 0.0),
+        goal_tolerance_m=0.3,
+        ranges=ranges,
+        **arrays,
     )
 
 

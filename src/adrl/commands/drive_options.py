@@ -31,12 +31,18 @@ class PolicyOptions(Place):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TasksOptions(PolicyOptions):
-    """On how many tasks."""
+class DrivesOptions(PolicyOptions):
+    """What noise there is, and where the results go."""
 
-    episodes: int = 500
-    """Tasks to drive, one episode each."""
     seed: int = 0
     """Of the sensors' noise; the tasks stay the same."""
     json: Path | None = None
     """File for the results; - prints them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TasksOptions(DrivesOptions):
+    """On how many tasks."""
+
+    episodes: int = api.EPISODES
+    """Tasks to drive, one episode each."""

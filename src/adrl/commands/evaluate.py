@@ -5,22 +5,28 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from adrl import api
-from adrl.commands.drive_options import TasksOptions
+from adrl.commands.drive_options import DrivesOptions
 from adrl.commands.options import load_place, parse, write_document
 from adrl.commands.progress import console, counting_bar
 from adrl.errors import ConfigError
+from adrl.evaluation.over_robots import robots_table
 from adrl.evaluation.results import comparison_table, require_results_folder
 from adrl.outputs import require_file
-from adrl.types import Task
-from adrl.worlds import load_robot, single_task
+from adrl.types import Scenario, Task
+from adrl.worlds import RobotFamily, load_robots, single_task
 from adrl.worlds.fixed import FixedWorld
 from adrl.worlds.people import Peopled
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvaluateOptions(TasksOptions):
+class EvaluateOptions(DrivesOptions):
     """Which policy drives where, and what is kept of it."""
 
+    episodes: int | None = None
+    """Tasks to drive, one episode each: 500, or 20 of each robot of a family."""
+    robots: int | None = None
+    """Robots of a family to drive with, the first of the split: 100 when left out. For --robot any, or a TOML file with
+    ranges."""
     paper_literal: bool = False
     """Guidance replan computes eqs 18, 20 and 21/23 exactly as printed; docs/fidelity.md lists the differences."""
     start: tuple[float, float, float] | None = None
@@ -45,7 +51,11 @@ def main(arguments: Sequence[str]) -> int:
     require_results_folder("--out", options.out)
     require_file("--json", options.json)
     # Before the bar: what cannot be read is told in one line.
-    place, robot = load_place(options), None if options.robot is None else load_robot(options.robot)
+    place, robot = load_place(options), None if options.robot is None else load_robots(options.robot)
+    if isinstance(robot, RobotFamily):
+        return _over_robots(options, place, robot)
+    if options.robots is not None:
+        raise ConfigError("--robots draws robots of a family; give --robot any, or a TOML file with ranges")
     with counting_bar(f"evaluating {options.policy}", "episodes") as show:
         result = api.evaluate(
             options.policy,
@@ -54,7 +64,7 @@ def main(arguments: Sequence[str]) -> int:
             guidance=options.guidance,
             paper_literal=options.paper_literal,
             split=options.split,
-            episodes=options.episodes,
+            episodes=api.EPISODES if options.episodes is None else options.episodes,
             seed=options.seed,
             num_threads=options.threads,
             tasks=_own_task(options),
@@ -66,6 +76,40 @@ def main(arguments: Sequence[str]) -> int:
     console().print(comparison_table([result.summary]))
     if options.out is not None:
         result.save(options.out)
+    write_document(options.json, result.summary)
+    return 0
+
+
+def _over_robots(options: EvaluateOptions, place: Scenario, family: RobotFamily) -> int:
+    """The same with many robots."""
+    for name in ("paper_literal", "start", "goal", "bag", "bag_tasks"):
+        if getattr(options, name) not in (False, None, ()):
+            option = name.replace("_", "-")
+            raise ConfigError(
+                f"--{option} is for one robot, and {family.name} is a family; give one, as {options.robot}:test:0"
+            )
+    with counting_bar(f"evaluating {options.policy}", "episodes") as show:
+        result = api.evaluate_family(
+            options.policy,
+            family=family,
+            scenario=place,
+            guidance=options.guidance,
+            split=options.split,
+            robots=api.ROBOTS if options.robots is None else options.robots,
+            episodes=api.TASKS if options.episodes is None else options.episodes,
+            seed=options.seed,
+            num_threads=options.threads,
+            traces=options.out is not None,
+            on_step=show,
+        )
+    console().print(comparison_table([result.summary]))
+    console().print(robots_table(result.robots, result.summary, str(options.robot)))
+    if options.out is not None:
+        from adrl.report.figures import save
+        from adrl.report.over_robots import over_robots_figure
+
+        result.save(options.out)
+        save(over_robots_figure(result.robots), options.out / "robots.png")
     write_document(options.json, result.summary)
     return 0
 

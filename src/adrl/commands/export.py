@@ -13,6 +13,7 @@ from adrl.errors import ConfigError
 from adrl.export.onnx_graph import to_onnx
 from adrl.export.plain import to_safetensors
 from adrl.outputs import require_file
+from adrl.worlds import load_robot
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +26,8 @@ class ExportOptions:
     """An ONNX model: ranges, goal, twist and last action in, action and velocity out; the encoder is inside."""
     safetensors: bool = False
     """Weights and encoder tables in one file, as examples/cpp reads it."""
+    robot: str | None = None
+    """For a policy of a family: the robot that drives, a name (adrl list) or a TOML file."""
     out: Path | None = None
     """The file; policy.onnx in the run folder, or policy.plain.safetensors, when left out."""
 
@@ -40,6 +43,7 @@ def main(arguments: Sequence[str]) -> int:
         raise ConfigError("a shipped policy's folder is not yours to write to; give --out FILE")
     out = options.out or folder / ("policy.onnx" if options.onnx else "policy.plain.safetensors")
     policy = load_policy(folder)
-    files.atomic_write_bytes(out, to_onnx(policy) if options.onnx else to_safetensors(policy))
+    robot = None if options.robot is None else load_robot(options.robot)
+    files.atomic_write_bytes(out, (to_onnx if options.onnx else to_safetensors)(policy, robot))
     print(out)
     return 0

@@ -6,8 +6,11 @@ from typing import Any
 
 from adrl.errors import ConfigError
 from adrl.types import RobotConfig
+from adrl.worlds.families import RobotFamily
 
-UNREAD = frozenset(
+UNREAD = frozenset({"odometry_drift", "lidar.dropout_probability"})
+"""What no encoder reads of a robot."""
+READ_BY_BODY = frozenset(
     {
         "min_speed_mps",
         "min_turning_radius_m",
@@ -15,13 +18,12 @@ UNREAD = frozenset(
         "max_yaw_acceleration_radps2",
         "lag_s",
         "latency_s",
-        "odometry_drift",
-        "lidar.dropout_probability",
+        "control_period_s",
     }
 )
-"""What no encoder reads of a robot as_trained."""
+"""What is read by those that tell what the body is."""
 READ_BY_MOTION_CUES = frozenset({"control_period_s", "lidar.noise_std_m"})
-"""And what those without motion cues do not read."""
+"""What is read by those with motion cues. All else every encoder reads."""
 
 
 def as_trained(driven: RobotConfig, trained: RobotConfig) -> RobotConfig:
@@ -35,16 +37,20 @@ def as_trained(driven: RobotConfig, trained: RobotConfig) -> RobotConfig:
     return replace(driven, min_speed_mps=reverse, lidar=lidar)
 
 
-def require_encodable(policy: str, trained: RobotConfig, driven: RobotConfig, history_steps: int) -> None:
+def require_encodable(
+    policy: str, trained: RobotConfig, taken_as: RobotConfig, history_steps: int, *, body: bool
+) -> None:
     """For a policy with its robot's encoder inside, which cannot be made anew for the robot that is driven.
 
-    Raises ConfigError where an encoder of that robot as_trained would give other numbers.
+    taken_as: that robot, as the policy takes it. body: whether the encoder tells what the body is. Raises ConfigError
+    where an encoder of that robot would give other numbers.
     """
-    unread = UNREAD if history_steps > 0 else UNREAD | READ_BY_MOTION_CUES
-    found = robot_differences(trained, as_trained(driven, trained), ignored=unread)
+    read = (READ_BY_BODY if body else set()) | (READ_BY_MOTION_CUES if history_steps > 0 else set())
+    unread = (UNREAD | READ_BY_BODY | READ_BY_MOTION_CUES) - read
+    found = robot_differences(trained, taken_as, ignored=unread)
     if found:
         raise ConfigError(
-            f"policy {policy} holds the encoder of robot {trained.name}, and {driven.name} has {', '.join(found)}; "
+            f"policy {policy} holds the encoder of robot {trained.name}, and {taken_as.name} has {', '.join(found)}; "
             "give the run that it was exported from, whose encoder is made for the robot that drives, or leave out "
             "another robot"
         )
@@ -66,6 +72,15 @@ def other_robot(policy: str, trained: RobotConfig, driven: RobotConfig) -> str |
         return None
     name = driven.name if driven.name != trained.name else f"another {driven.name}"
     return f"policy {policy} was trained for robot {trained.name} and drives {name}: {', '.join(found)}"
+
+
+def outside_family(policy: str, family: RobotFamily, driven: RobotConfig) -> str | None:
+    """A line that names what of a robot the family of a policy does not have, or None."""
+    found = family.outside(driven)
+    if not found:
+        return None
+    numbers = "; ".join(found)
+    return f"policy {policy} was trained for robots of family {family.name}, and {driven.name} is outside: {numbers}"
 
 
 def _numbers(robot: RobotConfig) -> dict[str, Any]:

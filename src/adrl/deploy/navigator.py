@@ -15,7 +15,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from adrl.deploy.another_robot import other_robot
 from adrl.deploy.final_turn import FinalTurn
 from adrl.deploy.given_path import GivenPathGuide
 from adrl.deploy.guidance import (
@@ -89,9 +88,8 @@ class Navigator:
         found = find_policy(policy)
         self.policy = found.policy
         self.robot = _robot(found, robot)
-        trained = found.robot or self.robot
-        self.other_robot = other_robot(found.name, trained, self.robot)
-        """What is other on this robot than on the one that the policy was trained for, in words; None for nothing."""
+        self.other_robot = found.strange(self.robot)
+        """What is other on this robot than on those that the policy was trained for, in words; None for nothing."""
         self._as_trained = found.taken_as(self.robot)
         self.guidance = PATH if guidance == PATH else found.require_guidance(guidance)
         check_guidance(self.guidance, world)

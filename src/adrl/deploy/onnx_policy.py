@@ -23,6 +23,7 @@ METADATA = ("robot", "encoder", "guidance", "method", "maturity")
 
 class _Encoder(TypedDict, total=False):
     history_steps: Annotated[int, Meta(ge=0, le=50)]
+    body: bool
 
 
 class OnnxPolicy:
@@ -46,6 +47,7 @@ class OnnxPolicy:
             encoder = parse_json(about["encoder"], _Encoder)
             self.robot: RobotConfig = robot_from_fields(parse_json(about["robot"], dict[str, Any]))
             self.encoder = Measurements(encoder.get("history_steps", 0))
+            self.told_of_body = encoder.get("body", False)
             self.replanner = ReplannerConfig(**parse_json(about.get("replanner", "{}"), dict[str, Any]))
             self.maturity = parse_json(about["maturity"], float)
         except (TypeError, ConfigError, FileError) as error:

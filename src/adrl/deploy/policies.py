@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.deploy.another_robot import as_trained, require_encodable
+from adrl.deploy.another_robot import as_trained, other_robot, outside_family, require_encodable
 from adrl.deploy.onnx_policy import load_onnx
 from adrl.deploy.policy import SHIPPED, MlpPolicy, load_policy, resolve_policy
 from adrl.deploy.sb3_policy import load_sb3
@@ -23,7 +23,8 @@ from adrl.observation import Encoder, EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.registry import look_up, offered
 from adrl.types import GUIDANCE, RobotConfig
-from adrl.worlds.robots import load_robot
+from adrl.worlds.families import RobotFamily
+from adrl.worlds.robots import load_robot, load_robots
 
 FILES: dict[str, Callable[[Path], Any]] = {".onnx": load_onnx, ".zip": load_sb3}
 """Files of other programs: ending -> what reads one."""
@@ -42,11 +43,15 @@ class ResolvedPolicy:
     """How it was made: adrl, td3, ..., a planner's name, or external."""
     robot: RobotConfig | None = None
     """The robot it was made for; None for any."""
+    family: RobotFamily | None = None
+    """The family whose robots it was made for; None where it says none."""
     trained_as: RobotConfig | None = None
     """That robot as the policy takes it; as it is when None."""
     encoder: EncoderConfig | Encoder = field(default_factory=EncoderConfig)
     plans_itself: bool = False
     """Whether it makes its own routes: with guidance `replan` no replanner makes any for it."""
+    told_of_body: bool = False
+    """Whether it is told what the robot's body is, and takes each as it is."""
     encoder_inside: bool = False
     """Whether it encodes measurements by itself, as one of its own robot."""
     guidance: str = "goal"
@@ -90,9 +95,24 @@ class ResolvedPolicy:
         """
         if self.robot is None:
             return driven
+        taken_as = driven if self.told_of_body else as_trained(driven, self.trained_as or self.robot)
         if self.encoder_inside:
-            require_encodable(self.name, self.robot, driven, self.encoder.history_steps)
-        return as_trained(driven, self.trained_as or self.robot)
+            require_encodable(
+                self.name, self.robot, taken_as, self.encoder.history_steps, body=self.told_of_body
+            )
+        return taken_as
+
+    @property
+    def made_for(self) -> str | None:
+        """Name of the robot or family that it was made for; None for any."""
+        made_for = self.family or self.robot
+        return None if made_for is None else made_for.name
+
+    def strange(self, driven: RobotConfig) -> str | None:
+        """A line that says what is other on the robot that drives than on those that it was made for, or None."""
+        if self.family is not None:
+            return outside_family(self.name, self.family, driven)
+        return None if self.robot is None else other_robot(self.name, self.robot, driven)
 
 
 def find_policy(policy: Any, planners: Mapping[str, Callable[[], Any]] | None = None) -> ResolvedPolicy:
@@ -188,6 +208,7 @@ def _described(policy: Any, text: str | None) -> ResolvedPolicy:
         for key in (
             "method",
             "plans_itself",
+            "told_of_body",
             "encoder_inside",
             "guidance",
             "replanner",
@@ -199,10 +220,13 @@ def _described(policy: Any, text: str | None) -> ResolvedPolicy:
     }
     if hasattr(policy, "act_in"):
         own.setdefault("guidance", "map")
+    made_for = None if robot is None else load_robots(robot)
+    own.setdefault("told_of_body", isinstance(encoder, EncoderConfig) and encoder.body)
     resolved = ResolvedPolicy(
         policy=policy,
         name=name,
-        robot=None if robot is None else load_robot(robot),
+        robot=made_for if isinstance(made_for, RobotConfig) else None,
+        family=made_for if isinstance(made_for, RobotFamily) else None,
         encoder=encoder or EncoderConfig(),
         **own,
     )
@@ -218,7 +242,9 @@ def _trained(policy: MlpPolicy) -> ResolvedPolicy:
         name=str(extra.get("run", "policy")),
         method=config.method,
         robot=setup.robot,
-        trained_as=setup.taken_as,
+        family=setup.family,
+        trained_as=setup.trained_as,
+        told_of_body=setup.encoder.body,
         encoder=setup.encoder,
         guidance=config.guidance,
         replanner=setup.replanner,

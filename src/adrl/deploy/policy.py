@@ -47,7 +47,9 @@ class PolicyConfig:
     widths: Annotated[tuple[Size, ...], Meta(min_length=1)]
     """Hidden units of each layer."""
     robot: Mapping[str, Any] = field(default_factory=dict)
-    """Fields of the RobotConfig."""
+    """Fields of the RobotConfig; none for a policy of a family."""
+    family: Mapping[str, Any] = field(default_factory=dict)
+    """Fields of the RobotFamily whose robots it was trained for; none for a policy of one robot."""
     encoder: Mapping[str, Any] = field(default_factory=dict)
     """Fields of the EncoderConfig."""
     guidance: str = "goal"
@@ -114,6 +116,8 @@ class MlpPolicy:
         atomic_write_bytes(path / WEIGHTS_FILE, pack_safetensors(tensors))
         known = asdict(self.config)
         extra = known.pop("extra")
+        if not known["family"]:
+            del known["family"]
         write_json(path / CONFIG_FILE, {"schema_version": SCHEMA_VERSION} | known | extra)
 
 

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from adrl import files
 from adrl.bags import BagWriter, require_new_bag
 from adrl.baselines.planners import PLANNERS
-from adrl.deploy.another_robot import other_robot
 from adrl.deploy.policies import ResolvedPolicy, find_policy
 from adrl.deploy.policy import MlpPolicy
 from adrl.envs import Body, NavSim, Setting
@@ -38,6 +37,8 @@ from adrl.types import Policy, RobotConfig, Scenario, Task, without_constants
 from adrl.worlds import get_scenario, task_set
 
 LOG = logging.getLogger("adrl.evaluation")
+EPISODES = 500
+"""Tasks that are driven where no number is asked for."""
 OWN_TASKS = "own"
 """The split that a summary names when the tasks were the user's."""
 
@@ -69,7 +70,7 @@ def evaluate(
     robot: str | RobotConfig | None = None,
     guidance: str | None = None,
     split: str = "test",
-    episodes: int = 500,
+    episodes: int = EPISODES,
     seed: int = 0,
     num_threads: int = 0,
     record: int = 0,
@@ -115,7 +116,7 @@ def evaluate(
         _require_replanner(driver, guidance)
     constants = replanner or driver.replanner
     constants = constants.literal() if paper_literal else constants
-    warning = None if driver.robot is None else other_robot(driver.name, driver.robot, config)
+    warning = driver.strange(config)
     if warning is not None:
         LOG.warning(warning)
     if tasks is None:
@@ -128,7 +129,7 @@ def evaluate(
     own, encoder = (
         (None, driver.encoder) if isinstance(driver.encoder, EncoderConfig) else (driver.encoder, None)
     )
-    recorder = _trace_recorder(driver.policy, reward_terms) if traces or out is not None else None
+    recorder = trace_recorder(driver.policy, reward_terms) if traces or out is not None else None
     with ExitStack() as stack:
         body = stack.enter_context(make_body(config)) if make_body is not None else None
         recorders: list[Recorder] = [] if recorder is None else [recorder]
@@ -164,7 +165,7 @@ def evaluate(
         split=split,
         simulator="native" if body is None else type(body).__name__.lower(),
         paper_literal=guidance == "replan" and constants == constants.literal(),
-        trained_for=None if driver.robot is None else driver.robot.name,
+        trained_for=driver.made_for,
         policy_fingerprint=driver.fingerprint,
         warnings=() if warning is None else (warning,),
         **driver.training,
@@ -192,7 +193,7 @@ def _require_replanner(driver: ResolvedPolicy, guidance: str) -> None:
         )
 
 
-def _trace_recorder(driver: Policy | PrivilegedPolicy, reward_terms: Sequence[RewardTerm]) -> TraceRecorder:
+def trace_recorder(driver: Policy | PrivilegedPolicy, reward_terms: Sequence[RewardTerm]) -> TraceRecorder:
     """A recorder with the reward that the policy was trained with, if it says so. Raises CheckpointError."""
     if not isinstance(driver, MlpPolicy):
         return TraceRecorder()

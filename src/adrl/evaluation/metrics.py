@@ -81,6 +81,12 @@ class Episodes:
         """The episodes at these row numbers, or where this mask (E,) is true."""
         return type(self)(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
 
+    @classmethod
+    def concatenated(cls, parts: Sequence[Self]) -> Self:
+        """One part after the other."""
+        names = [field.name for field in fields(cls)]
+        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
     def to_table(self) -> "pa.Table":
         """One row an episode; positions become columns such as start_x_m."""
         import pyarrow as pa

@@ -75,15 +75,21 @@ def summarise(episodes: Episodes, meta: RunMeta) -> Summary:
     `time_s` and `optimality` are over successes. None where undefined: no success, or an interval from a
     single number. Equal episodes give equal documents.
     """
-    about: Summary = asdict(meta) | {"warnings": list(meta.warnings)}
-    training = {key: about.pop(key) for key in ("train_seconds", "env_steps", "gradient_updates")}
-    summary: Summary = {"schema_version": SCHEMA_VERSION, **about, "episodes": len(episodes)}
+    summary: Summary = {**about_run(meta), "episodes": len(episodes)}
     for ending in RATES:
         flags = getattr(episodes, ending)
         summary |= interval_entry(ending, wilson_interval(int(flags.sum()), len(flags)))
     for name, samples in SAMPLES.items():
         summary |= interval_entry(name, bootstrap_mean(samples(episodes)))
-    return summary | {key: _defined(value) for key, value in training.items()}
+    return summary
+
+
+def about_run(meta: RunMeta) -> Summary:
+    """What a document says of the policy and of where it drove."""
+    return {"schema_version": SCHEMA_VERSION} | {
+        key: _defined(value) if isinstance(value, float) else value
+        for key, value in (asdict(meta) | {"warnings": list(meta.warnings)}).items()
+    }
 
 
 def require_results_folder(option: str, path: outputs.PathLike | None) -> None:

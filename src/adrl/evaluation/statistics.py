@@ -1,7 +1,8 @@
 """Intervals for what evaluation measured. Everything is seeded: equal numbers in, equal numbers out.
 
-Two questions, two units. How good is this policy: the episode is the unit (`wilson_interval`,
-`bootstrap_mean`, `paired_difference`, `paired_rate_difference`). How good is this method: the training seed is the
+Three questions, three units. How good is this policy: the episode is the unit (`wilson_interval`,
+`bootstrap_mean`, `paired_difference`, `paired_rate_difference`). How good on the robots of a family: the robot is
+(`clustered_rate`, `worst_decile`). How good is this method: the training seed is the
 unit (`seed_mean`, `seed_iqm`, `probability_of_improvement`), after Agarwal et al. 2021, "Deep RL at the edge of the
 statistical precipice".
 """
@@ -68,6 +69,45 @@ def bootstrap_mean(
     """Percentile bootstrap of the mean of samples (E,). No samples: undefined; one sample: no ends."""
     values = _column(samples)
     return _bootstrap([values], _mean, confidence, resamples, seed)
+
+
+def clustered_rate(successes: ArrayLike, trials: ArrayLike, *, confidence: float = 0.95) -> Interval:
+    """Rate over all trials of clusters, successes (R,) of trials (R,) each: robots that drove some tasks each.
+
+    Wilson's interval for the number of independent trials that would vary as much as the clusters' rates do (Dean and
+    Pagano 2015), at least as many as there are clusters, at most as many as trials. In what they vary by, one more
+    cluster counts that does half of its trials: clusters that all succeed do not tell that all would. Undefined for
+    none.
+    """
+    _check_confidence(confidence)
+    k, n = _column(successes), _column(trials)
+    if k.shape != n.shape or (n <= 0.0).any() or (k < 0.0).any() or (k > n).any():
+        raise ValueError("give as many trials as successes, 1 or more, and no more successes than trials")
+    if not k.size:
+        return UNDEFINED
+    rate, clusters, total = float(k.sum() / n.sum()), len(k), float(n.sum())
+    known, size = np.append(k, 0.5 * n.mean()), np.append(n, n.mean())
+    share = known.sum() / size.sum()
+    # Variance of a ratio of sums over clusters.
+    spread = float(((known - share * size) ** 2).sum()) * len(size) / clusters / float(size.sum()) ** 2
+    chance = rate * (1.0 - rate)
+    effective = total if spread == 0.0 else float(share * (1.0 - share)) / spread
+    effective = min(max(effective, float(clusters)), total)
+    z = NormalDist().inv_cdf(0.5 + 0.5 * confidence)
+    middle, scale = rate + z**2 / (2.0 * effective), 1.0 + z**2 / effective
+    half = z * math.sqrt(chance / effective + z**2 / (4.0 * effective**2))
+    return Interval(
+        rate, min(rate, max(0.0, (middle - half) / scale)), max(rate, min(1.0, (middle + half) / scale))
+    )
+
+
+def worst_decile(
+    samples: ArrayLike, *, confidence: float = 0.95, resamples: int = RESAMPLES, seed: int = 0
+) -> Interval:
+    """What nine tenths of samples (R,) reach at least, the greater being the better, with a percentile bootstrap; of
+    ten samples and fewer the least."""
+    values = _column(samples)
+    return _bootstrap([values], _decile, confidence, resamples, seed)
 
 
 def paired_difference(
@@ -234,6 +274,10 @@ def _bootstrap(
 def _mean(*strata: Array, axis: int) -> Array:
     """Over all numbers of all strata."""
     return np.concatenate(strata, axis=axis).mean(axis=axis)
+
+
+def _decile(*strata: Array, axis: int) -> Array:
+    return np.quantile(np.concatenate(strata, axis=axis), 0.1, axis=axis, method="lower")
 
 
 def _iqm(*strata: Array, axis: int) -> Array:

@@ -40,6 +40,8 @@ class Trace:
     """Number of the task in its split."""
     ending: str
     """One of RATES."""
+    robot: RobotConfig
+    """That drove."""
     world: World
     goal: tuple[float, float]
     goal_tolerance_m: float
@@ -68,6 +70,7 @@ class Traces:
     """What one evaluation keeps."""
 
     robot: RobotConfig
+    """The first that drove: the only one, but for a family of robots."""
     guidance: str
     maturity: float
     """S of the reward's weights."""
@@ -126,7 +129,8 @@ class TraceRecorder:
         self._tasks: list[Task] = []
         self._numbers: list[int] = []
         self._routes: list[Array] = []
-        self._robot, self._guidance = RobotConfig(), "goal"
+        self._robot: RobotConfig | None = None
+        self._guidance = "goal"
         self._chunk: list[Task] = []
         self._chunk_numbers: NDArray[np.int64] = np.empty(0, np.int64)
         self._last: Array = np.empty((0, 3))
@@ -134,7 +138,8 @@ class TraceRecorder:
 
     def begin(self, sim: NavSim, numbers: NDArray[np.int64]) -> None:
         """Robots of the simulator stand at the starts of the tasks with these numbers in their split."""
-        self._robot, self._guidance = sim.robot, sim.guidance
+        self._robot, self._guidance = self._robot or sim.robot, sim.guidance
+        self._driving = sim.robot
         self._chunk = [task for task in sim.tasks if task is not None]
         self._chunk_numbers = numbers
         self._states, self._steps, self._points = StepLog(), StepLog(), StepLog()
@@ -165,6 +170,7 @@ class TraceRecorder:
                 Trace(
                     task=int(self._chunk_numbers[i]),
                     ending=RATES[int(ending[:, i].argmax())],
+                    robot=self._driving,
                     world=task.world,
                     goal=task.goal,
                     goal_tolerance_m=task.goal_tolerance_m,
@@ -183,7 +189,7 @@ class TraceRecorder:
         """What was kept."""
         worlds = {id(task.world): task.world for task in self._tasks}
         return Traces(
-            robot=self._robot,
+            robot=self._robot or RobotConfig(),
             guidance=self._guidance,
             maturity=self._maturity,
             terms=tuple(reward_terms(self.reward)),
@@ -239,6 +245,7 @@ def write_traces(path: str | os.PathLike[str], traces: Traces) -> None:
         "episodes": [
             {"task": t.task, "ending": t.ending, "world": place[id(t.world)]}
             | {"goal": list(t.goal), "goal_tolerance_m": t.goal_tolerance_m}
+            | ({"robot": asdict(t.robot)} if t.robot != traces.robot else {})
             for t in traces.episodes
         ],
     }
@@ -262,6 +269,8 @@ class _EpisodeAbout(TypedDict):
     world: Annotated[int, Meta(ge=0)]
     goal: tuple[float, float]
     goal_tolerance_m: float
+    robot: NotRequired[dict[str, Any]]
+    """Where it is another than that of the file."""
 
 
 class _About(TypedDict):
@@ -307,8 +316,9 @@ def _unpack(about: _About, tensors: Mapping[str, NDArray[Any]]) -> Traces:
     episodes = []
     for number, entry in enumerate(about["episodes"]):
         arrays = {name: tensors[f"episode.{number}.{name}"] for name in ("path", *_STATES, *_STEPS)}
-        _require_shapes(arrays, robot, terms)
-        episodes.append(Trace(**arrays, **entry | {"world": worlds[entry["world"]]}))  # pyright: ignore
+        own = robot_from_fields(entry["robot"]) if "robot" in entry else robot
+        _require_shapes(arrays, own, terms)
+        episodes.append(Trace(**arrays, **entry | {"world": worlds[entry["world"]], "robot": own}))  # pyright: ignore
     tasks, sizes, positions = (tensors[f"routes.{name}"] for name in ("task", "size", "xy"))
     ends = np.cumsum(sizes)
     if tasks.shape != sizes.shape or (sizes < 1).any() or positions.shape != (sizes.sum(), 2):

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import asdict
 from importlib.metadata import version
 from typing import Any
 
@@ -11,9 +12,10 @@ from adrl.deploy.policy import MlpPolicy
 from adrl.deploy.setup import setup_of
 from adrl.errors import MissingExtra
 from adrl.observation import ObservationEncoder
+from adrl.observation.body import Body
 from adrl.observation.goal import FAR_M
 from adrl.observation.motion import CueSettings, cue_settings
-from adrl.types import LidarConfig
+from adrl.types import LidarConfig, RobotConfig
 
 OPSET = 18
 """The first in which ScatterElements takes the greatest of what falls on one place."""
@@ -59,8 +61,8 @@ class Graph:
         return self.op("Cast", value, to=self._onnx.helper.np_dtype_to_tensor_dtype(np.dtype(dtype)))
 
 
-def to_onnx(policy: MlpPolicy) -> bytes:
-    """The model of a policy, N robots at once.
+def to_onnx(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes:
+    """The model of a policy, N robots at once: its own robot, or the one that is given for a policy of a family.
 
     Inputs, float32: ranges (N, K) metres of the trained LiDAR, those beyond its reach, infinite ones among them, taken
     as its reach; goal (N, 2) metres, in the robot's frame; twist (N, 2) measured speed and yaw rate; last_action
@@ -69,20 +71,21 @@ def to_onnx(policy: MlpPolicy) -> bytes:
 
     Outputs: action (N, 2) in [-1, 1] and velocity (N, 2), m/s and rad/s. Both are NaN for a robot of which any input is
     NaN, or any but a range is infinite or beyond GREATEST: stop it. Nodes are named by their part: inputs, sectors,
-    goal, twist, motion, network, outputs. Metadata: robot, encoder, guidance, method, maturity, version, as JSON.
+    goal, twist, motion, body, network, outputs. Metadata: robot, encoder, guidance, method, maturity, version, as JSON.
 
-    Raises MissingExtra without onnx, CheckpointError.
+    Raises MissingExtra without onnx, CheckpointError, ConfigError for a robot that is missing or another one.
     """
     try:
         import onnx
     except ImportError:
         raise MissingExtra.named("onnx", "writing ONNX") from None
     setup = setup_of(policy)
-    encoder = ObservationEncoder(setup.taken_as, setup.encoder)
+    robot = setup.exported_for(robot)
+    encoder = ObservationEncoder(robot, setup.encoder)
     graph = Graph(onnx)
     with_motion = setup.encoder.history_steps > 0
-    given = _inputs(graph, setup.taken_as.lidar, with_motion=with_motion)
-    fastest = [setup.taken_as.max_speed_mps, setup.taken_as.max_yaw_rate_radps]
+    given = _inputs(graph, robot.lidar, with_motion=with_motion)
+    fastest = [robot.max_speed_mps, robot.max_yaw_rate_radps]
     parts = [
         _sectors(graph, encoder, given["ranges"]),
         _goal(graph, given["goal"], setup.encoder.goal_scale_m),
@@ -90,19 +93,21 @@ def to_onnx(policy: MlpPolicy) -> bytes:
         given["last_action"],
     ]
     if with_motion:
-        cue = cue_settings(setup.taken_as, setup.encoder.num_sectors, setup.encoder.history_steps)
+        cue = cue_settings(robot, setup.encoder.num_sectors, setup.encoder.history_steps)
         parts.append(_motion(graph, cue, given))
+    if setup.encoder.body:
+        parts.append(_body(graph, encoder, given["goal"]))
     action = _network(graph, policy, parts)
     graph.part = "outputs"
     action = graph.op("Where", given[FAULTY], graph.constant(math.nan), action, output="action")
-    span = setup.taken_as.max_speed_mps - setup.taken_as.min_speed_mps
+    span = robot.max_speed_mps - robot.min_speed_mps
     scaled = graph.op("Mul", action, graph.constant([[0.5 * span, fastest[1]]]))
-    offset = graph.constant([[setup.taken_as.min_speed_mps + 0.5 * span, 0.0]])
+    offset = graph.constant([[robot.min_speed_mps + 0.5 * span, 0.0]])
     graph.op("Add", scaled, offset, output="velocity")
-    return _model(onnx, graph, policy, setup.taken_as.lidar.num_beams, with_motion=with_motion)
+    return _model(onnx, graph, metadata(policy, robot), robot.lidar.num_beams, with_motion=with_motion)
 
 
-def _model(onnx: Any, graph: Graph, policy: MlpPolicy, beams: int, *, with_motion: bool) -> bytes:
+def _model(onnx: Any, graph: Graph, about: dict[str, str], beams: int, *, with_motion: bool) -> bytes:
     single, double = onnx.TensorProto.FLOAT, onnx.TensorProto.DOUBLE
     inputs = [
         ("ranges", beams, single),
@@ -124,17 +129,18 @@ def _model(onnx: Any, graph: Graph, policy: MlpPolicy, beams: int, *, with_motio
         producer_name="adrl",
         producer_version=version("adrl"),
     )
-    onnx.helper.set_model_props(model, metadata(policy))
+    onnx.helper.set_model_props(model, about)
     onnx.checker.check_model(model, full_check=True)
     return model.SerializeToString()
 
 
-def metadata(policy: MlpPolicy) -> dict[str, str]:
-    """What a policy was made for, as texts; robot and encoder are JSON."""
+def metadata(policy: MlpPolicy, robot: RobotConfig) -> dict[str, str]:
+    """What an export was made for, as texts; robot and encoder are JSON."""
     config = policy.config
+    trained = config.table("environment").get("taken_as", config.robot)
     return {
         "version": version("adrl"),
-        "robot": json.dumps(dict(config.table("environment").get("taken_as", config.robot))),
+        "robot": json.dumps(dict(trained) or asdict(robot)),
         "encoder": json.dumps(dict(config.encoder)),
         "guidance": config.guidance,
         "method": config.method,
@@ -188,6 +194,11 @@ def _sectors(graph: Graph, encoder: ObservationEncoder, ranges: str) -> str:
     beams = graph.op("Gather", padded, graph.constant(encoder.beams_of_sectors, np.int64), axis=1)
     per_sector = encoder.beams_of_sectors.shape[1]
     nearest = graph.op("Neg", _greatest(graph, graph.op("Neg", beams), per_sector))
+    if encoder.config.reach_m is not None:
+        seen = graph.op("Less", nearest, graph.constant(greatest))
+        greatest = encoder.config.reach_m
+        near_enough = graph.op("Min", nearest, graph.constant(greatest))
+        nearest = graph.op("Where", seen, near_enough, graph.constant(greatest))
     gap = graph.op("Max", graph.op("Sub", nearest, graph.constant(encoder.extent_m)), graph.constant(0.0))
     log = graph.op("Log", graph.op("Add", graph.op("Div", gap, graph.constant(near)), graph.constant(1.0)))
     return graph.op("Div", log, graph.constant(math.log1p(greatest / near)))
@@ -208,6 +219,15 @@ def _twist(graph: Graph, twist: str, fastest: list[float]) -> str:
     """(N, 2) shares of the greatest speed and yaw rate."""
     graph.part = "twist"
     return graph.op("Div", twist, graph.constant([fastest]))
+
+
+def _body(graph: Graph, encoder: ObservationEncoder, goal: str) -> str:
+    """(N, B) what the robot's body is: a constant, in as many rows as there are goals."""
+    graph.part = "body"
+    body = encoder.components["body"]
+    assert isinstance(body, Body)
+    rows = graph.op("Mul", graph.columns(goal, start=0, stop=1), graph.constant(np.zeros((1, body.size))))
+    return graph.op("Add", rows, graph.constant(body.numbers))
 
 
 def _network(graph: Graph, policy: MlpPolicy, parts: list[str]) -> str:

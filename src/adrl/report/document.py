@@ -178,7 +178,9 @@ def _chosen(evaluations: Sequence[Evaluated]) -> list[list[Trace]]:
     return [sorted(traces, key=lambda trace: trace.task) for traces in chosen]
 
 
-def _replay(trace: Trace, robot: RobotConfig, worlds: _Worlds) -> dict[str, Any]:
+def _replay(trace: Trace, first: RobotConfig, worlds: _Worlds) -> dict[str, Any]:
+    """first: the robot whose shape stands with the evaluation."""
+    robot = trace.robot
     last = len(trace.pose) - 1
     frames = np.unique(np.linspace(0, last, min(last + 1, MOST_FRAMES)).round().astype(np.intp))
     # Of the step that led to the frame; the start shows the first step's weights, and nothing paid.
@@ -189,6 +191,8 @@ def _replay(trace: Trace, robot: RobotConfig, worlds: _Worlds) -> dict[str, Any]
     return {
         "task": trace.task,
         "ending": trace.ending,
+        "robot": None if robot == first else robot.name,
+        "robot_shape": None if robot == first else robot_shape(robot),
         "world": worlds.number(trace.world),
         "goal": numbers(trace.goal),
         "goal_tolerance_m": trace.goal_tolerance_m,

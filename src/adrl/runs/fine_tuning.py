@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 from adrl.agents.methods import FOR_EVER, method_name
-from adrl.deploy.another_robot import as_trained
+from adrl.deploy.another_robot import outside_family
 from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
-from adrl.deploy.setup import setup_of
+from adrl.deploy.setup import Setup, setup_of
 from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
@@ -26,21 +26,18 @@ class Start:
     """The policy that a run begins with."""
 
     policy: MlpPolicy
-    trained: RobotConfig
-    """The robot it was trained for, as it took it."""
-    encoder: EncoderConfig
-    replanner: ReplannerConfig
+    setup: Setup
 
     @classmethod
     def of(cls, policy: str | os.PathLike[str]) -> Self:
         """A policy by its folder or its name. Raises CheckpointError."""
         actor = load_policy(resolve_policy(policy))
-        setup = setup_of(actor)
-        return cls(policy=actor, trained=setup.taken_as, encoder=setup.encoder, replanner=setup.replanner)
+        return cls(policy=actor, setup=setup_of(actor))
 
-    def taken_as(self, robot: RobotConfig) -> RobotConfig:
-        """A robot as the policy takes it."""
-        return as_trained(robot, self.trained)
+    def strange(self, robot: RobotConfig) -> str | None:
+        """A line that says what of the robot the policy's family does not have, or None."""
+        name, family = str(self.policy.config.extra.get("run", "policy")), self.setup.family
+        return None if family is None else outside_family(name, family, robot)
 
     def begun(self, config: RunConfig) -> RunConfig:
         """The run that goes on where the policy ended: with its layers and encoder, and its replanner if none is given.
@@ -55,7 +52,7 @@ class Start:
             )
         mine = (encoder.fields(), EncoderConfig().fields()), (learner.td3.widths, type(learner.td3)().widths)
         for name, (given, left_out), own in zip(
-            ("encoder", "td3.widths"), mine, (self.encoder.fields(), widths), strict=True
+            ("encoder", "td3.widths"), mine, (self.setup.encoder.fields(), widths), strict=True
         ):
             if given not in (left_out, own):
                 raise ConfigError(
@@ -66,5 +63,5 @@ class Start:
             learner = replace(learner, critic_warmup_updates=WARM_UPDATES)
         if learner.eval_interval_steps is None and config.env == NATIVE:
             learner = replace(learner, eval_interval_steps=VALIDATION_STEPS)
-        replanner = self.replanner if config.replanner == ReplannerConfig() else config.replanner
-        return replace(config, encoder=self.encoder, replanner=replanner, learner=learner)
+        replanner = self.setup.replanner if config.replanner == ReplannerConfig() else config.replanner
+        return replace(config, encoder=self.setup.encoder, replanner=replanner, learner=learner)

@@ -64,7 +64,7 @@ class Run:
             guidance=guidance,
             replanner=config.resolved_replanner(),
             encoder=config.encoder,
-            taken_as=robot if start is None else start.taken_as(robot),
+            taken_as=robot if start is None else start.setup.taken_as(robot),
             expert=find_expert(config.expert),
             simulator=find_simulator(config.env),
             start=start,

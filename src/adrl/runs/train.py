@@ -1,5 +1,6 @@
 """A training run from nothing: worlds, demonstrations, probe, learner, validation, and its folder."""
 
+import logging
 import shutil
 import time
 from collections.abc import Callable, Iterator
@@ -25,6 +26,7 @@ from adrl.runs.record import versions
 from adrl.runs.run import Run
 from adrl.signals import stop_requests
 
+LOG = logging.getLogger("adrl.runs")
 PROBE_STATES = 32
 """Each is driven from twice: at random, and by the expert."""
 VERSIONS_FILE = "versions.json"
@@ -55,6 +57,9 @@ def train(
     elif resumed and config.guidance is None:
         guidance = checkpoint.settings(run.folder).get("guidance")
         run = Run.of(replace(config, guidance=guidance, out=run.folder))
+    strange = None if run.start is None else run.start.strange(run.robot)
+    if strange is not None:
+        LOG.warning(strange)
     tell = _teller(config, on_progress, start_time_s)
     with locked(run.folder), _nothing_by_halves(run.folder), _robots(run) as body:
         tell("worlds")

@@ -33,10 +33,10 @@ class Policy(Protocol):
     """Maps observations to normalised actions. What it may have besides act, all of it optional:
 
     name: in tables and files; that of its class by default. guidance: "goal" by default. robot: a RobotConfig, or the
-    name of one: the robot it is made for, and drives where none is asked for. encoder: an EncoderConfig, or an
-    adrl.observation.Encoder of its own; EncoderConfig() by default. reset(rows): episodes of robots rows (M,) begin,
-    for a policy with memory. training_worlds: fingerprints of the given worlds that it has learned from, () for one
-    that learns nothing; unknown by default. See docs/guide/policy.md.
+    name of one: the robot it is made for, and drives where none is asked for; or a family of robots. encoder: an
+    EncoderConfig, or an adrl.observation.Encoder of its own; EncoderConfig() by default. reset(rows): episodes of
+    robots rows (M,) begin, for a policy with memory. training_worlds: fingerprints of the given worlds that it has
+    learned from, () for one that learns nothing; unknown by default. See docs/guide/policy.md.
     """
 
     def act(self, observation: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -37,7 +37,7 @@ function momentOf(evaluation, replay, { time, from = 0 }) {
   return {
     world: DATA.worlds[replay.world],
     time,
-    shape: evaluation.robot_shape,
+    shape: replay.robot_shape ?? evaluation.robot_shape,
     pose: poseAt(replay, time),
     trail: Array.from({ length: frame + 1 - first }, (_, i) => at(first + i)),
     goal: replay.goal,

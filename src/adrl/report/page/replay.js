@@ -2,7 +2,7 @@ const SPEEDS = [['1', '1×'], ['2', '2×'], ['4', '4×'], ['8', '8×']];
 const FOLLOW_M = 8;
 const player = { select: () => {} };
 
-const replayName = (replay) => `task ${replay.task}: ${replay.ending}, ${fixed(replay.time_s.at(-1))} s`;
+const replayName = (replay) => `task ${replay.task}${replay.robot ? ` of ${replay.robot}` : ''}: ${replay.ending}, ${fixed(replay.time_s.at(-1))} s`;
 const findReplay = (evaluation, task) => evaluation.replays.findIndex((replay) => replay.task === task);
 
 function buildReplay() {
