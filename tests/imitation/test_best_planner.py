@@ -39,7 +39,7 @@ def test_of_several_the_best(trials: list[Trial], chosen: str, monkeypatch: pyte
 def test_a_trial_counts_what_happens() -> None:
     env = NavVectorEnv(1, task_pool=12, robot=RobotConfig(min_speed_mps=-0.3))
     tasks = [env.task(i) for i in range(12)]
-    measured = trial("dwa", env.robot, tasks)
+    measured = trial("dwa", [env.robot] * 12, tasks)
     arrived, ways_m, times_s, backed, steps = 0, 0.0, 0.0, 0, 0
     for task in tasks:  # one by one
         sim = NavSim(1, env.robot)

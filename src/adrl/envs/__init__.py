@@ -1,6 +1,7 @@
 """Gymnasium environments over the batch simulator: adrl/Nav-v0, alone and as a vector."""
 
 from adrl.envs.kinds import Kind
+from adrl.envs.mixture import Mixture
 from adrl.envs.nav_env import NavEnv
 from adrl.envs.nav_sim import Body, NavSim, Outcome
 from adrl.envs.randomization import MILD, NOMINAL, Randomization
@@ -12,6 +13,7 @@ __all__ = [
     "NOMINAL",
     "Body",
     "Kind",
+    "Mixture",
     "NavEnv",
     "NavSim",
     "NavVectorEnv",

@@ -80,12 +80,12 @@ class NavSim:
         body: moves and senses the robots instead of our simulator; of the randomization it knows nothing. Raises
         UnknownName for a guidance that does not exist, ConfigError for a body with fewer robots, and for no kinds.
         """
-        if isinstance(robot, RobotConfig):
-            robot = (Kind(robot=robot, guidance=guidance, taken_as=taken_as),)
-        self.kinds: tuple[Kind, ...] = tuple(robot)
-        """What a row may be, by its number, which b["kind"] has."""
-        if not self.kinds:
+        alone = isinstance(robot, RobotConfig)
+        kinds = [Kind(robot=robot, guidance=guidance, taken_as=taken_as)] if alone else robot
+        if len(kinds) == 0:
             raise ConfigError("there are no kinds of robots; give one or more")
+        self.kinds: tuple[Kind, ...] = tuple(kinds)
+        """What a row may be, by its number, which b["kind"] has."""
         if body is not None and len(self.kinds) > 1:
             raise ConfigError(f"a body drives robots of one kind; {len(self.kinds)} were given")
         if body is not None and (body.num_envs < num_envs or randomization != NOMINAL):
@@ -162,7 +162,7 @@ class NavSim:
         seeds: (M,) of their sensors' noise. rng: draws their parameters; M of them, one each, where a robot's must
         not depend on the others. kinds: (M,) numbers of the kinds that they are from now on; as they were if None.
         """
-        if kinds is not None:
+        if kinds is not None and len(self.kinds) > 1:
             self.b["kind"][indices] = kinds
             self._know_kinds()
         mask = np.zeros(self.num_envs, dtype=np.uint8)
@@ -172,7 +172,7 @@ class NavSim:
             self._time_limit_s[i] = task.time_limit_s
         mask[indices] = 1
         self.b["seed"][indices] = seeds
-        robots = [self.kinds[k].robot for k in self.b["kind"][indices]]
+        robots = [self.kinds[int(k)].robot for k in self.b["kind"][indices]]
         if isinstance(rng, np.random.Generator):
             drawn = draw_params(robots, self._randomization, rng)
         else:

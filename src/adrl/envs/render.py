@@ -86,10 +86,11 @@ class Renderer:
         draw.point([p for hit in view.pixels(_hits(sim, index)) for p in hit], fill=SCAN)
         draw.line(view.pixels(task.path), fill=PATH, width=2)
         draw.ellipse(view.disc(task.goal[0], task.goal[1], task.goal_tolerance_m), outline=GOAL, width=3)
-        if sim.guidance != "goal":
+        kind = sim.kinds[sim.b["kind"][index]]
+        if kind.guidance != "goal":
             waypoint_x, waypoint_y = sim.b["waypoint"][index]
             draw.ellipse(view.disc(waypoint_x, waypoint_y, 0.08), fill=WAYPOINT)
-        robot = sim.robot
+        robot = kind.robot
         if robot.radius_m is not None:
             draw.ellipse(view.disc(x, y, robot.radius_m), fill=ROBOT)
         else:
@@ -154,8 +155,8 @@ def background(world: World) -> Image.Image:
 
 def _hits(sim: "NavSim", index: int) -> Array:
     """(H, 2) points where beams end on something."""
-    lidar = sim.robot.lidar
-    ranges = sim.b["ranges"][index].astype(np.float64)
+    lidar = sim.kinds[sim.b["kind"][index]].robot.lidar
+    ranges = sim.b["ranges"][index, : lidar.num_beams].astype(np.float64)
     x, y, heading = compose(sim.b["pose"][index], lidar.mount)
     angles = heading + lidar.angles_rad
     points = np.array([x, y]) + ranges[:, None] * np.stack([np.cos(angles), np.sin(angles)], axis=1)

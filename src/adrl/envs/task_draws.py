@@ -9,37 +9,12 @@ from gymnasium.utils import seeding
 from numpy.typing import NDArray
 
 from adrl.errors import ConfigError
-from adrl.types import RobotConfig, Scenario, Task
-from adrl.worlds import task_set
 
 Generator = np.random.Generator
 Seeds = int | Sequence[int | None] | None
 
 FAILURE_GAIN = 0.3
 """Weight of a task's latest episode in its failure rate."""
-
-
-class TaskPool:
-    """The first `size` tasks of a split, each made when it is first asked for. Copies share what is made."""
-
-    def __init__(self, scenario: Scenario, robot: RobotConfig, split: str, size: int) -> None:
-        if size < 1:
-            raise ConfigError(f"task_pool is {size}; give 1 or more")
-        self.size = size
-        self._scenario, self._robot, self._split = scenario, robot, split
-        self._tasks: dict[int, Task] = {}
-
-    def __getitem__(self, index: int) -> Task:
-        """Task `index` of the split."""
-        if index not in self._tasks:
-            self._tasks[index] = task_set(self._scenario, self._robot, self._split, 1, first=index)[0]
-        return self._tasks[index]
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> "TaskPool":
-        return self  # tasks never change
-
-    def __getstate__(self) -> dict[str, Any]:
-        return self.__dict__ | {"_tasks": {}}  # a task's number says all of it
 
 
 @dataclass(frozen=True)

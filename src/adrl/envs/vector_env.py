@@ -11,22 +11,26 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from adrl.envs.kinds import Kind
+from adrl.envs.mixture import Mixture, TaskPool
 from adrl.envs.nav_sim import Body, NavSim, Outcome
 from adrl.envs.randomization import MILD, NOMINAL, Randomization
 from adrl.envs.render import Renderer
-from adrl.envs.task_draws import Generator, Seeds, TaskDraws, TaskPool
+from adrl.envs.task_draws import Generator, Seeds, TaskDraws
 from adrl.errors import ConfigError, UnknownName
 from adrl.observation import EncoderConfig
 from adrl.planning.local_control import DWA
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, reward, reward_terms
 from adrl.types import ACTION_SIZE, RobotConfig, Scenario, Task
-from adrl.worlds import get_scenario, load_robot, robot_from_fields
+from adrl.worlds import RobotFamily, get_scenario, load_robots, robot_from_fields
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 
 RENDER_FPS = 10
+Robot = str | RobotConfig | RobotFamily | Mapping[str, Any] | Kind
+"""What an environment takes for a robot: a name, a file, its fields, itself; or a family of them."""
 
 
 class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
@@ -52,9 +56,9 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         self,
         num_envs: int = 1,
         *,
-        scenario: str | Scenario = "clutter",
-        robot: str | RobotConfig | Mapping[str, Any] = "diffbot",
-        guidance: str = "goal",
+        scenario: str | Scenario | Sequence[str | Scenario] = "clutter",
+        robot: Robot | Sequence[Robot] = "diffbot",
+        guidance: str | Sequence[str] = "goal",
         split: str = "train",
         task_pool: int = 512,
         task_priority: float | None = None,
@@ -75,11 +79,15 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         task_priority: None has each row draw by itself; a number draws for all rows from one stream of random
         numbers, with chances 0.1 + task_priority * the task's failure rate, 0 for all alike.
 
+        scenario, robot, guidance: several make a mixture. Task i is driven by the robots in turn, and which guidance
+        and which scenario it has is drawn by its number, so that rows become other robots from episode to episode; see
+        Mixture. A family of robots gives each task a robot of its own, of the same split. A Kind is a robot that
+        brings its guidance.
         robot, encoder: also as their fields, as JSON gives them.
         randomize: False for the nominal robot, True for mild variation, or a Randomization.
         replanner: constants of guidance `replan`.
         maturity: S at first; see the property.
-        taken_as: the robot as a policy of another one takes it; see NavSim.
+        taken_as: the robot, if it is one, as a policy of another one takes it; see Kind.
         max_episode_steps: truncates episodes whose task gives more time.
         seed: of the first reset if that gives none; None for entropy. num_threads: 0 takes one per core.
         autoreset_mode: SameStep, NextStep, or Disabled to reset with options={"reset_mask": mask}.
@@ -92,27 +100,28 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise UnknownName("render_mode", str(render_mode), self.metadata["render_modes"])
         self.num_envs = num_envs
-        self.robot = robot_from_fields(robot) if isinstance(robot, Mapping) else load_robot(robot)
-        self.scenario = get_scenario(scenario)
+        self.scenarios: tuple[Scenario, ...] = tuple(get_scenario(one) for one in _several(scenario))
+        """What tasks are drawn from."""
+        robots = [found for one in _several(robot) for found in _robots(one, split, task_pool)]
+        if taken_as is not None:
+            robots = _as_taken(robots, taken_as, _several(guidance))
+        mixture = Mixture(robots=robots, guidances=_several(guidance), scenarios=self.scenarios)
+        self._pool = TaskPool(mixture, split, task_pool)
         randomization = {True: MILD, False: NOMINAL}[randomize] if isinstance(randomize, bool) else randomize
         self._make_sim = functools.partial(
             NavSim,
             num_envs,
-            self.robot,
-            guidance=guidance,
+            self._pool.kinds,
             randomization=randomization,
             encoder=EncoderConfig(**encoder) if isinstance(encoder, Mapping) else encoder,
             reward=reward_config,
             replanner=replanner,
-            taken_as=taken_as,
             num_threads=num_threads,
             body=body,
         )
         self._maturity, self._expert = maturity, DWA
         self.sim = self._make_sim(maturity=maturity)
-        steps = np.inf if max_episode_steps is None else max_episode_steps
-        self._cut_s = steps * self.robot.control_period_s
-        self._pool = TaskPool(self.scenario, self.robot, split, task_pool)
+        self._most_steps = np.inf if max_episode_steps is None else max_episode_steps
         self._draws = TaskDraws(num_envs, task_pool, task_priority)
         if seed is not None:
             self._draws.seed(seed, np.arange(num_envs))
@@ -132,6 +141,23 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         self._renderer = Renderer() if render_mode is not None else None
 
     @property
+    def robot(self) -> RobotConfig:
+        """The robot of an environment of one. Raises ConfigError for one of several."""
+        return self.sim.robot
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario of an environment of one. Raises ConfigError for one of several."""
+        if len(self.scenarios) != 1:
+            raise ConfigError(f"this environment has {len(self.scenarios)} scenarios; see its scenarios")
+        return self.scenarios[0]
+
+    @property
+    def kinds(self) -> tuple[Kind, ...]:
+        """Robots and their guidances, which rows are by turns: sim.b["kind"] (N,) has their present numbers."""
+        return self.sim.kinds
+
+    @property
     def num_tasks(self) -> int:
         """Tasks that rows draw from: the first ones of the split."""
         return self._pool.size
@@ -144,6 +170,10 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
     def task(self, index: int) -> Task:
         """Task `index` of the split, one of num_tasks."""
         return self._pool[index]
+
+    def kind_of_task(self, index: int) -> int:
+        """The number of the kind that task `index` is of."""
+        return int(self._pool.kind[index])
 
     @property
     def periods(self) -> NDArray[np.float64]:
@@ -220,7 +250,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         if self.sim.reward.eq8 == "literal":
             # A timeout is a failure there: it is paid for, and nothing comes after it.
             terminated, truncated = terminated | truncated, np.zeros_like(truncated)
-        truncated |= ~terminated & (self.sim.b["time"] >= self._cut_s - 1e-6)
+        truncated |= ~terminated & (self.sim.b["time"] >= self._cut_s() - 1e-6)
         info = _results(outcome)
         if resting.any():
             self._begin(np.flatnonzero(resting))
@@ -278,7 +308,12 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
     def _begin(self, rows: NDArray[np.intp]) -> None:
         draw = self._draws.draw(rows)
         self._task_index[rows] = draw.task
-        self.sim.reset(rows, [self._pool[int(i)] for i in draw.task], draw.noise_seed, draw.params)
+        tasks, kinds = [self._pool[int(i)] for i in draw.task], self._pool.kind[draw.task]
+        self.sim.reset(rows, tasks, draw.noise_seed, draw.params, kinds=kinds)
+
+    def _cut_s(self) -> NDArray[np.float64]:
+        """(N,) seconds after which an episode is cut."""
+        return self._most_steps * self.sim.rows.robot.control_period_s
 
     def _reset_mask(self, options: Mapping[str, Any]) -> Mask:
         require_known_options(options, ("reset_mask",))
@@ -322,6 +357,30 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
             np.zeros((n, len(self.sim.reward.features())), np.float32),
         ]
         return dict(zip(RESULTS, arrays + [np.zeros(n, dtype=bool) for _ in range(3)], strict=True))
+
+
+def _several(given: Any) -> Sequence[Any]:
+    """One thing, or several, as several."""
+    return tuple(given) if isinstance(given, Sequence) and not isinstance(given, str) else (given,)
+
+
+def _robots(robot: Robot, split: str, count: int) -> Sequence[RobotConfig | Kind]:
+    """A robot, or `count` of the split of a family."""
+    if isinstance(robot, Kind):
+        return (robot,)
+    found = robot_from_fields(robot) if isinstance(robot, Mapping) else load_robots(robot)
+    return [found.draw(split, i) for i in range(count)] if isinstance(found, RobotFamily) else (found,)
+
+
+def _as_taken(
+    robots: Sequence[RobotConfig | Kind], taken_as: RobotConfig, guidances: Sequence[str]
+) -> Sequence[Kind]:
+    """The robot with each guidance, taken as another one."""
+    if len(robots) != 1 or isinstance(robots[0], Kind):
+        raise ConfigError(
+            "taken_as is of one robot; with several, give each as Kind(robot=..., taken_as=...)"
+        )
+    return [Kind(robot=robots[0], guidance=guidance, taken_as=taken_as) for guidance in guidances]
 
 
 NEVER = -1

@@ -1,5 +1,6 @@
 """Which local controller is the expert of a robot: the best one in a short trial in the first training worlds."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -43,15 +44,17 @@ class Trial:
 
 
 def best_planner(env: "NavVectorEnv") -> Trial:
-    """The trial of the best controller for the robot of env, in its first tasks; the same for every seed.
+    """The trial of the best controller for the robots of env, in its first tasks; the same for every seed.
 
     In the order of what a decision costs: the first that arrives and keeps a good pace. If there is none, the fastest
     of those that arrive; if none does, the one that arrives most often.
     """
-    tasks = [env.task(i) for i in range(min(TRIALS, env.num_tasks))]
+    numbers = range(min(TRIALS, env.num_tasks))
+    robots = [env.kinds[env.kind_of_task(i)].robot for i in numbers]
+    tasks = [env.task(i) for i in numbers]
     trials = []
     for name in CONTROLLERS:
-        trials.append(trial(name, env.robot, tasks, env.sim.num_threads))
+        trials.append(trial(name, robots, tasks, env.sim.num_threads))
         if trials[-1].arrives and trials[-1].pace <= GOOD_PACE:
             return trials[-1]
     arriving = [trial for trial in trials if trial.arrives]
@@ -60,23 +63,25 @@ def best_planner(env: "NavVectorEnv") -> Trial:
     return max(trials, key=lambda trial: (trial.success - trial.backward, -trial.pace))
 
 
-def trial(controller: str, robot: RobotConfig, tasks: list[Task], num_threads: int = 1) -> Trial:
-    """Let a controller drive these tasks, a robot each."""
-    from adrl.envs import NavSim
+def trial(controller: str, robots: Sequence[RobotConfig], tasks: list[Task], num_threads: int = 1) -> Trial:
+    """Let a controller drive these tasks, each with the robot in the same place."""
+    from adrl.envs import Kind, NavSim
 
     n, rows = len(tasks), np.arange(len(tasks))
-    sim = NavSim(n, robot, expert=controller, num_threads=num_threads)
-    sim.reset(rows, tasks, rows.astype(np.uint64), np.random.default_rng(0))
+    kinds = list(dict.fromkeys(Kind(robot=robot) for robot in robots))
+    kind = np.array([kinds.index(Kind(robot=robot)) for robot in robots])
+    sim = NavSim(n, kinds, expert=controller, num_threads=num_threads)
+    sim.reset(rows, tasks, rows.astype(np.uint64), np.random.default_rng(0), kinds=kind)
+    car = np.array([robot.is_car for robot in robots])
     running, arrived = np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
     backward = driven = 0
     while running.any():
         outcome = sim.step(sim.expert_actions())
         driven += int(running.sum())
-        if not robot.is_car:
-            backward += int((sim.b["twist"][running, 0] < 0.0).sum())
+        backward += int((sim.b["twist"][running & ~car, 0] < 0.0).sum())
         arrived |= outcome.reached & running
         running &= ~(outcome.reached | outcome.collided | outcome.timed_out)
         sim.b["active"][:] = running
-    shortest_m = np.array([task.shortest_m for task in tasks])[arrived].sum()
-    pace = float(sim.b["time"][arrived].sum() * robot.max_speed_mps / shortest_m) if arrived.any() else np.inf
+    full_speed_s = np.array([task.shortest_m for task in tasks]) / sim.rows.robot.max_speed_mps
+    pace = float(sim.b["time"][arrived].sum() / full_speed_s[arrived].sum()) if arrived.any() else np.inf
     return Trial(controller=controller, success=float(arrived.mean()), pace=pace, backward=backward / driven)

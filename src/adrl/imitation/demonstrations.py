@@ -145,11 +145,11 @@ def collect(
     observation, _ = env.reset(seed=seed)
     driver = expert.driver(env, seed)
     noise_rng = np.random.default_rng((seed, 1))
-    offsets = _Offsets(noise or NoiseConfig(), env.num_envs, env.robot.control_period_s, noise_rng)
+    offsets = _Offsets(noise or NoiseConfig(), env.num_envs, noise_rng)
     steps: list[dict[str, NDArray[Any]]] = []
     while not extent.reached:
         label = driver.actions()
-        action = driver.within_reach(label + offsets.step())
+        action = driver.within_reach(label + offsets.step(env.sim.rows.robot.control_period_s))
         periods = env.periods
         following, terminated, truncated, info = env.advance(action)
         given_up = driver.given_up & ~(terminated | truncated)
@@ -213,14 +213,14 @@ class _Extent:
 class _Offsets:
     """What the demonstrator's actions are pushed by; see NoiseConfig."""
 
-    def __init__(self, config: NoiseConfig, num_envs: int, dt_s: float, rng: np.random.Generator) -> None:
+    def __init__(self, config: NoiseConfig, num_envs: int, rng: np.random.Generator) -> None:
         self._std, self._rng = np.float32(config.std), rng
-        self._bursts = Bursts(num_envs, config.fraction, config.burst_s, dt_s, rng)
+        self._bursts = Bursts(num_envs, config.fraction, config.burst_s, rng)
         self._offset = np.zeros((num_envs, ACTION_SIZE), dtype=np.float32)
 
-    def step(self) -> F32:
-        """(N, 2) to add to this step's actions."""
-        begins = self._bursts.step()
+    def step(self, dt_s: Array) -> F32:
+        """(N, 2) to add to the actions of a step of dt_s (N,)."""
+        begins = self._bursts.step(dt_s)
         drawn = self._rng.standard_normal(self._offset.shape, dtype=np.float32) * self._std
         self._offset[begins] = drawn[begins]
         return self._offset * self._bursts.active[:, None]

@@ -93,15 +93,17 @@ class Slow(_Named):
 class _SlowDriver(Driver):
     def __init__(self, env: "NavVectorEnv", share: float) -> None:
         super().__init__(env)
-        self._limits = share * np.array([env.robot.fastest_mps, env.robot.max_yaw_rate_radps])
+        self._share = share
 
     def actions(self) -> F32:
         return self.within_reach(self.env.expert_actions())
 
     def within_reach(self, actions: F32) -> F32:
-        twist = to_twist(actions, self.env.robot)
-        excess = (np.abs(twist) / self._limits).max(axis=1, keepdims=True)
-        return to_action(twist / np.maximum(excess, 1.0), self.env.robot)
+        robots = self.env.sim.rows.robot
+        limits = self._share * np.stack([robots.fastest_mps, robots.max_yaw_rate_radps], axis=1)
+        twist = to_twist(actions, robots)
+        excess = (np.abs(twist) / limits).max(axis=1, keepdims=True)
+        return to_action(twist / np.maximum(excess, 1.0), robots)
 
 
 @dataclass(frozen=True)
@@ -121,11 +123,11 @@ class _NoisyDriver(Driver):
     def __init__(self, env: "NavVectorEnv", share: float, rng: np.random.Generator) -> None:
         super().__init__(env)
         self._rng = rng
-        self._bursts = Bursts(env.num_envs, share, self.MEAN_S, env.robot.control_period_s, rng)
+        self._bursts = Bursts(env.num_envs, share, self.MEAN_S, rng)
         self._wrong = np.zeros((env.num_envs, ACTION_SIZE), dtype=np.float32)
 
     def actions(self) -> F32:
-        begins = self._bursts.step()
+        begins = self._bursts.step(self.env.sim.rows.robot.control_period_s)
         drawn = self._rng.uniform(-1.0, 1.0, self._wrong.shape).astype(np.float32)
         self._wrong[begins] = drawn[begins]
         return np.where(self._bursts.active[:, None], self._wrong, self.env.expert_actions())
@@ -167,7 +169,8 @@ class HalfWise(_Named):
 class _HalfWiseDriver(Driver):
     def __init__(self, env: "NavVectorEnv", share: float) -> None:
         super().__init__(env)
-        rng = np.random.default_rng((crc32(env.scenario.name.encode()), crc32(b"half-wise")))
+        places = "+".join(scenario.name for scenario in env.scenarios)
+        rng = np.random.default_rng((crc32(places.encode()), crc32(b"half-wise")))
         self.wise = rng.random(env.num_tasks) < share
         """(T,) whether it is good in a task of the environment's split."""
         self._goals = np.full((env.num_tasks, 2), np.nan)
@@ -178,13 +181,13 @@ class _HalfWiseDriver(Driver):
 
     def _blind(self) -> F32:
         """(N, 2) straight for the goal: turn to it, the faster ahead the straighter it lies."""
-        env, robot, task = self.env, self.env.robot, self.env.task_index
+        env, robots, task = self.env, self.env.sim.rows.robot, self.env.task_index
         for new in np.unique(task[np.isnan(self._goals[task, 0])]):
             self._goals[new] = env.task(int(new)).goal
         x, y = in_robot_frame(env.sim.b["pose"], self._goals[task]).T
         angle = np.arctan2(y, x)
-        speed = robot.max_speed_mps * np.maximum(np.cos(angle), 0.0)
-        return to_action(np.stack([speed, 2.0 * angle], axis=1), robot)
+        speed = robots.max_speed_mps * np.maximum(np.cos(angle), 0.0)
+        return to_action(np.stack([speed, 2.0 * angle], axis=1), robots)
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,12 @@ class ShyPaths:
     """Leads every robot of an environment along a shy way of its own; poses and twists are the environment's."""
 
     def __init__(self, env: "NavVectorEnv", width_m: float) -> None:
-        """Raises ConfigError for a robot as wide as that, and for a car."""
+        """Raises ConfigError for a robot as wide as that, for a car, and for robots of several kinds."""
+        if len(env.kinds) > 1:
+            raise ConfigError(
+                f"expert narrow-shy drives one robot with one guidance, and these are {len(env.kinds)} kinds; give "
+                "another expert"
+            )
         robot, sim = env.robot, env.sim
         if robot.is_car:
             raise ConfigError(

@@ -227,5 +227,10 @@ class RobotRows:
         columns = {name: np.array([getattr(robot, name) for robot in robots]) for name in names}
         return cls(**columns, max_range_m=np.array([robot.lidar.max_range_m for robot in robots]))
 
+    @property
+    def fastest_mps(self) -> Array:
+        """Greatest speed, forward or backward."""
+        return np.maximum(self.max_speed_mps, -self.min_speed_mps)
+
     def __getitem__(self, rows: Any) -> Self:
         return type(self)(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})

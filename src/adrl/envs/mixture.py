@@ -1,0 +1,78 @@
+"""Pools of tasks, of one robot in one kind of place or of a mixture of both."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.envs.kinds import Kind
+from adrl.errors import ConfigError
+from adrl.types import RobotConfig, Scenario, Task
+from adrl.worlds import task_set
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mixture:
+    """What the tasks of a pool are made of. Raises ConfigError where there is nothing of one thing."""
+
+    robots: Sequence[RobotConfig | Kind]
+    """Taken in turn: as many tasks for each. A Kind brings its guidance, a robot alone is given one of guidances."""
+    guidances: Sequence[str]
+    scenarios: Sequence[Scenario]
+
+    def __post_init__(self) -> None:
+        for what, things in vars(self).items():
+            if not things:
+                raise ConfigError(f"there are no {what} to draw tasks of; give one or more")
+
+    def entry(self, number: int) -> tuple[Kind, Scenario]:
+        """Whose task `number` is, and where: the same for ever, whatever the pool's size."""
+        robot, guidance, scenario = (
+            self.robots[number % len(self.robots)],
+            self.guidances[0],
+            self.scenarios[0],
+        )
+        if len(self.guidances) > 1 or len(self.scenarios) > 1:
+            rng = np.random.default_rng((number, crc32(b"mixture")))
+            guidance = self.guidances[int(rng.integers(len(self.guidances)))]
+            scenario = self.scenarios[int(rng.integers(len(self.scenarios)))]
+        return robot if isinstance(robot, Kind) else Kind(robot=robot, guidance=guidance), scenario
+
+
+@dataclass(eq=False)
+class TaskPool:
+    """The first `size` tasks of a split, each made when it is first asked for. Copies share what is made."""
+
+    mixture: Mixture
+    split: str
+    size: int
+    kinds: tuple[Kind, ...] = field(init=False)
+    """Those that the tasks are of."""
+    kind: NDArray[np.intp] = field(init=False)
+    """(size,) which of the kinds each task is of, by its number."""
+
+    def __post_init__(self) -> None:
+        if self.size < 1:
+            raise ConfigError(f"task_pool is {self.size}; give 1 or more")
+        numbers: dict[Kind, int] = {}
+        entries = [self.mixture.entry(i) for i in range(self.size)]
+        self.kind = np.array([numbers.setdefault(kind, len(numbers)) for kind, _ in entries])
+        self.kinds = tuple(numbers)
+        self._scenarios = [scenario for _, scenario in entries]
+        self._tasks: dict[int, Task] = {}
+
+    def __getitem__(self, index: int) -> Task:
+        """Task `index` of the split."""
+        if index not in self._tasks:
+            robot = self.kinds[self.kind[index]].robot
+            self._tasks[index] = task_set(self._scenarios[index], robot, self.split, 1, first=index)[0]
+        return self._tasks[index]
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "TaskPool":
+        return self  # tasks never change
+
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_tasks": {}}  # a task's number says all of it

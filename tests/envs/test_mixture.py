@@ -1,0 +1,157 @@
+"""An environment whose tasks are of several robots, guidances and scenarios."""
+
+import copy
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import data_equivalence
+
+from adrl.envs import Kind, Mixture, NavEnv, NavVectorEnv
+from adrl.errors import ConfigError, UnknownName
+from adrl.imitation.best_planner import best_planner
+from adrl.imitation.demonstrations import collect
+from adrl.imitation.experts import find_expert
+from adrl.rewards.step import reference_period_s
+from adrl.types import GUIDANCE
+from adrl.worlds import FAMILIES, ROBOTS, get_scenario, task_set
+
+MIXED: dict[str, Any] = {
+    "robot": ["diffbot", "jackal", ROBOTS["turtlebot3_burger"]],
+    "guidance": GUIDANCE,
+    "scenario": ["clutter", "dynamic"],
+    "task_pool": 24,
+    "replanner": None,
+}
+
+
+def mixed(num_envs: int = 6, **options: Any) -> NavVectorEnv:
+    return NavVectorEnv(num_envs, **MIXED | options)
+
+
+def course(env: NavVectorEnv, steps: int) -> list[Any]:
+    rng = np.random.default_rng(0)
+    told = []
+    for t in range(steps):
+        actions = rng.uniform(-1.0, 1.0, (env.num_envs, 2)).astype(np.float32)
+        told.append(env.step(env.expert_actions() if t % 2 else actions))
+        told.append((env.task_index, env.sim.b["kind"].copy(), env.periods))
+    return told
+
+
+@pytest.mark.slow
+def test_a_task_is_the_same_for_ever() -> None:
+    """Whatever the pool's size: its robot, its guidance and its scenario go by its number."""
+    small, large = mixed(task_pool=5), mixed(task_pool=30)
+    seen = set()
+    for i in range(30):
+        kind = large.kinds[large.kind_of_task(i)]
+        assert kind.robot == [ROBOTS["diffbot"], ROBOTS["jackal"], ROBOTS["turtlebot3_burger"]][i % 3]
+        if i < 5:
+            assert small.kinds[small.kind_of_task(i)] == kind
+            assert small.task(i).start == large.task(i).start
+        candidates = [task_set(scenario, kind.robot, "train", 1, first=i)[0] for scenario in large.scenarios]
+        matching = [k for k, task in enumerate(candidates) if task.start == large.task(i).start]
+        assert len(matching) == 1
+        seen.add((kind.guidance, matching[0]))
+    assert seen == {(guidance, k) for guidance in GUIDANCE for k in range(2)}
+
+
+def test_a_row_drives_its_task_as_its_own_environment_does() -> None:
+    """Each task's first observation is that of an environment of its kind alone."""
+    env = mixed(8, seed=3)
+    observation, _ = env.reset()
+    for row, number in enumerate(env.task_index.tolist()):
+        kind = env.kinds[env.kind_of_task(number)]
+        assert env.kinds[env.sim.b["kind"][row]] == kind
+        period = kind.robot.control_period_s / reference_period_s(kind.robot.max_speed_mps)
+        assert env.periods[row] == period
+        np.testing.assert_array_equal(env.sim.b["pose"][row], env.task(number).start)
+        twist = observation[row, env.sim.encoder.places["twist"]]
+        np.testing.assert_array_equal(twist, 0.0)
+
+
+@pytest.mark.parametrize("priority", [None, 2.0])
+def test_equal_seeds_equal_bytes_and_a_copy_goes_on_alike(priority: float | None) -> None:
+    first, other = (mixed(seed=4, task_priority=priority, num_threads=n) for n in (1, 3))
+    for env in (first, other):
+        env.reset()
+    assert data_equivalence(course(first, 25), course(other, 25))
+    assert len(np.unique(first.sim.b["kind"])) > 1
+    pickled, copied = pickle.loads(pickle.dumps(first)), copy.deepcopy(first)
+    resumed = mixed(seed=99, task_priority=priority)
+    resumed.set_state(first.state())
+    expected = course(first, 60)
+    for env in (pickled, copied, resumed):
+        assert data_equivalence(expected, course(env, 60))
+
+
+def test_rows_become_other_kinds_and_are_cut_after_as_many_steps() -> None:
+    env = mixed(4, max_episode_steps=7, seed=0)
+    env.reset()
+    age, seen = np.zeros(4, int), [env.sim.b["kind"].copy()]
+    for _ in range(40):
+        _, terminated, truncated, _ = env.advance(np.zeros((4, 2), np.float32))
+        age += 1
+        np.testing.assert_array_equal(truncated, (age == 7) & ~terminated)
+        age[terminated | truncated] = 0
+        seen.append(env.sim.b["kind"].copy())
+    assert (np.ptp(seen, axis=0) > 0).all()
+
+
+def test_a_family_gives_each_task_a_robot_of_its_own() -> None:
+    family = FAMILIES["any"]
+    train, validation = (
+        NavVectorEnv(2, robot="any", split=split, task_pool=4) for split in ("train", "validation")
+    )
+    assert [kind.robot for kind in train.kinds] == [family.draw("train", i) for i in range(4)]
+    assert not {kind.robot for kind in train.kinds} & {kind.robot for kind in validation.kinds}
+
+
+def test_one_of_each_is_an_environment_as_ever() -> None:
+    plain, listed = (
+        NavVectorEnv(3, seed=1, task_pool=4),
+        NavVectorEnv(3, robot=["diffbot"], scenario=["clutter"], guidance=["goal"], seed=1, task_pool=4),
+    )
+    plain.reset()
+    listed.reset()
+    assert data_equivalence(course(plain, 20), course(listed, 20))
+    assert (listed.robot, listed.scenario.name) == (ROBOTS["diffbot"], "clutter")
+    single = NavEnv(**MIXED)
+    single.reset(seed=5)
+    assert single.observation_space.contains(single.step(single.action_space.sample())[0])
+
+
+def test_a_kind_brings_its_guidance() -> None:
+    kinds = [Kind(robot=ROBOTS["diffbot"], guidance="map"), Kind(robot=ROBOTS["jackal"], guidance="replan")]
+    assert NavVectorEnv(1, robot=kinds, task_pool=4).kinds == tuple(kinds)
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_experts_drive_every_row() -> None:
+    env = mixed(6, task_pool=12)
+    demonstrations = collect(env, 2400, seed=1)
+    assert np.isfinite(demonstrations.action).all()
+    assert demonstrations.success.any()
+    for name in ("slow", "noisy", "half-wise"):
+        assert np.isfinite(find_expert(name).driver(env, 0).actions()).all()
+    with pytest.raises(ConfigError, match="narrow-shy drives one robot"):
+        find_expert("narrow-shy").driver(env, 0)
+    assert best_planner(env).success > 0.5
+
+
+def test_what_is_missing_or_of_several_is_said() -> None:
+    nothing: dict[str, Any]
+    for nothing in ({"robot": []}, {"guidance": []}, {"scenario": []}):
+        with pytest.raises(ConfigError, match=f"no {next(iter(nothing))}"):
+            mixed(**nothing)
+    with pytest.raises(UnknownName, match="guidance"):
+        mixed(guidance=["goal", "stars"])
+    env = mixed()
+    for attribute, message in (("robot", "3 robots"), ("scenario", "2 scenarios")):
+        with pytest.raises(ConfigError, match=message):
+            getattr(env, attribute)
+    with pytest.raises(ConfigError, match="no robots"):
+        Mixture(robots=(), guidances=("goal",), scenarios=(get_scenario("clutter"),))
