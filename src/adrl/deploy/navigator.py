@@ -9,6 +9,7 @@
 No clock, no threads, no middleware: time is an argument, and the caller sends and receives.
 """
 
+import logging
 import math
 import os
 from typing import Any, Self
@@ -37,6 +38,8 @@ from adrl.observation import Encoder, ObservationEncoder, in_robot_frame, to_act
 from adrl.observation.motion import ScanHistory
 from adrl.planning.replanner import Replanner
 from adrl.types import Array, Policy, RobotConfig, World
+
+LOG = logging.getLogger("adrl.deploy")
 
 GOAL_TOLERANCE_M = 0.3
 """Distance to the goal at which it is reached, as in training."""
@@ -146,7 +149,7 @@ class Navigator:
         """Drive to (x, y) from the next step on; on the way, turn to it there.
 
         path: (P, 2) of another planner to follow with guidance `map` or `path`; ADRL plans its own when None. yaw_rad:
-        the heading to turn to on arrival, any when None. Raises ConfigError.
+        the heading to turn to on arrival, any when None, and any for a car, which is logged. Raises ConfigError.
         """
         if not np.isfinite(goal).all():
             raise ConfigError(f"goal {goal} is not finite; give metres")
@@ -163,7 +166,13 @@ class Navigator:
         wanted = self._turn and self._turn.yaw_rad
         if not is_near or yaw_rad != wanted:
             self._turning = False
-            self._turn = None if yaw_rad is None else FinalTurn(self.robot, yaw_rad, self.yaw_tolerance_rad)
+            self._turn = None
+            if yaw_rad is not None and self.robot.is_car:
+                LOG.warning(
+                    "robot %s cannot turn on the spot: the goal's heading is left out", self.robot.name
+                )
+            elif yaw_rad is not None:
+                self._turn = FinalTurn(self.robot, yaw_rad, self.yaw_tolerance_rad)
 
     def move_goal(
         self, goal: tuple[float, float], path: Array | None = None, *, yaw_rad: float | None = None

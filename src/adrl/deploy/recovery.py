@@ -1,4 +1,5 @@
-"""What gets a robot on that comes nowhere: it turns to where the way is free, drives a little, and hands back.
+"""What gets a robot on that comes nowhere: it turns to where the way is free, drives a little, and hands back. A car
+drives an arc that is free, backward first where its way leads forward.
 
 A policy that passes an obstacle more closely than the LiDAR's noise allows asks for ever for what the supervisor has
 to refuse; another one stands by itself where it has to turn round in a place of a kind that it was not trained in. Nav2
@@ -23,6 +24,8 @@ PROGRESS_RAD, MOST_TURNED_RAD = 0.5, math.pi
 """Turning so far is progress as well, but not beyond this in one place."""
 WAY_M = 0.3
 """Driven until the policy has the robot back."""
+CAR_WAY_M = 0.6
+"""The same of a car, which turns only as it drives."""
 AWAY_M = 1.0
 """So far from where it stuck first, the robot has got away from there."""
 MOST_TRIES = 6
@@ -37,9 +40,13 @@ SPARE_S = 2.0
 
 @dataclass(frozen=True)
 class _Way:
-    heading_rad: float
     start: Pose
     until_s: float
+    length_m: float
+    heading_rad: float = 0.0
+    """To turn to before it drives straight on."""
+    arc: Twist | None = None
+    """What a car drives instead."""
 
 
 class Recovery:
@@ -61,15 +68,18 @@ class Recovery:
     def twist(self, bearing_rad: float, now_s: float) -> Twist | None:
         """What to ask for instead of the policy's command; None for that. bearing_rad: to the waypoint."""
         pose, way = self._supervisor.pose_at(now_s), self._way
-        if way is not None and (_between_m(pose, way.start) >= WAY_M or now_s >= way.until_s):
+        if way is not None and (_between_m(pose, way.start) >= way.length_m or now_s >= way.until_s):
             way = self._way = None
             self._begin(pose, now_s)
         if way is None and now_s - self._since_s > PATIENCE_S:
             if self._driven_s > 0.5 * PATIENCE_S:
-                way = self._way = self._free_way(pose, bearing_rad, now_s)
+                find = self._free_arc if self._supervisor.robot.is_car else self._free_way
+                way = self._way = find(pose, bearing_rad, now_s)
             self._begin(pose, now_s)
         if way is None:
             return None
+        if way.arc is not None:
+            return way.arc
         turn = math.remainder(way.heading_rad - pose[2], 2.0 * math.pi)
         speed, yaw_rate = self._supervisor.gently
         return (speed if abs(turn) < AHEAD_RAD else 0.0), min(max(2.0 * turn, -yaw_rate), yaw_rate)
@@ -97,22 +107,68 @@ class Recovery:
         """That nearest to the waypoint's direction; from the same place the next time the next, and so on."""
         turns = sorted(TURNS_RAD, key=lambda turn: abs(math.remainder(turn - bearing_rad, 2.0 * math.pi)))
         free = [turn for turn in turns if self._supervisor.could_drive(turn, WAY_M, now_s)]
-        if not free or self._tries >= MOST_TRIES:
+        next_one = self._next_of(len(free), pose)
+        if next_one is None:
             return None
-        turn = free[self._tries % len(free)]
+        turn = free[next_one]
+        LOG.info(
+            "no progress: turning by %.0f degrees to a free way%s",
+            math.degrees(turn),
+            self._for_the_last_time,
+        )
+        robot, (_, yaw_rate) = self._supervisor.robot, self._supervisor.gently
+        turning_s = abs(turn) / yaw_rate + 2.0 * yaw_rate / robot.max_yaw_acceleration_radps2
+        until_s = now_s + turning_s + self._takes_s(WAY_M, self._supervisor.gently[0]) + SPARE_S
+        return _Way(pose, until_s, WAY_M, heading_rad=pose[2] + turn)
+
+    def _free_arc(self, pose: Pose, bearing_rad: float, now_s: float) -> _Way | None:
+        """Of a car: away from where its waypoint lies, on the curve that turns it there best; then towards it. From the
+        same place the next time the next, and so on."""
+        robot, (gentle, turning) = self._supervisor.robot, self._supervisor.gently
+        towards = 1.0 if math.cos(bearing_rad) > 0.0 else -1.0
+        speeds = [-towards * gentle, towards * gentle]
+        arcs: list[Twist] = []
+        for speed in (max(speed, robot.min_speed_mps) for speed in speeds):
+            if speed == 0.0:
+                continue
+            turned = CAR_WAY_M / abs(speed)
+            curves = [robot.steerable((speed, yaw_rate)) for yaw_rate in (turning, -turning, 0.0)]
+            arcs += sorted(curves, key=lambda arc: _off(bearing_rad, arc[1] * turned, towards))
+        free = [arc for arc in arcs if self._supervisor.could_steer(arc, CAR_WAY_M / abs(arc[0]), now_s)]
+        next_one = self._next_of(len(free), pose)
+        if next_one is None:
+            return None
+        arc = free[next_one]
+        LOG.info(
+            "no progress: %s on a free curve%s",
+            "backing" if arc[0] < 0.0 else "driving",
+            self._for_the_last_time,
+        )
+        return _Way(pose, now_s + self._takes_s(CAR_WAY_M, abs(arc[0])) + SPARE_S, CAR_WAY_M, arc=arc)
+
+    def _next_of(self, count: int, pose: Pose) -> int | None:
+        """Which of so many free ways is tried next from here; None for no more."""
+        if count == 0 or self._tries >= MOST_TRIES:
+            return None
         self._tries += 1
         self._stuck_at = self._stuck_at or pose
-        again = "" if self._tries < MOST_TRIES else ", for the last time from here"
-        LOG.info("no progress: turning by %.0f degrees to a free way%s", math.degrees(turn), again)
-        return _Way(pose[2] + turn, pose, now_s + self._takes_s(turn) + SPARE_S)
+        return (self._tries - 1) % count
 
-    def _takes_s(self, turn_rad: float) -> float:
-        """Turn and way, each from rest to rest."""
+    @property
+    def _for_the_last_time(self) -> str:
+        return "" if self._tries < MOST_TRIES else ", for the last time from here"
+
+    def _takes_s(self, way_m: float, speed_mps: float) -> float:
+        """From rest to rest, and until the base does what it is told."""
         robot = self._supervisor.robot
-        speed, yaw_rate = self._supervisor.gently
-        turning_s = abs(turn_rad) / yaw_rate + 2.0 * yaw_rate / robot.max_yaw_acceleration_radps2
-        driving_s = WAY_M / speed + 2.0 * speed / robot.max_acceleration_mps2
-        return turning_s + driving_s + 2.0 * (robot.latency_s + 3.0 * robot.lag_s)
+        driving_s = way_m / speed_mps + 2.0 * speed_mps / robot.max_acceleration_mps2
+        return driving_s + 2.0 * (robot.latency_s + 3.0 * robot.lag_s)
+
+
+def _off(bearing_rad: float, turned_rad: float, towards: float) -> float:
+    """By how much a car that has turned so far misses a bearing, with its tail where that is behind it."""
+    ahead = bearing_rad if towards > 0.0 else bearing_rad + math.pi
+    return abs(math.remainder(ahead - turned_rad, 2.0 * math.pi))
 
 
 def _between_m(a: Pose, b: Pose) -> float:

@@ -26,7 +26,7 @@ from adrl.types import Array, RobotConfig
 LOG = logging.getLogger("adrl.deploy")
 
 SLOWER = (1.0, 0.75, 0.5, 0.25, 0.0)
-"""Parts of the speed asked for that are tried in turn, at the same yaw rate."""
+"""Parts of the speed asked for that are tried in turn, at the same yaw rate; of a car on the same curve."""
 NOISE_STDS = 2.0
 """Standard deviations of the LiDAR's noise that are the least distance to keep: nearer, noise hides what is there."""
 GENTLE = 0.5
@@ -171,7 +171,8 @@ class Supervisor:
     def limit(self, wanted: Twist, now_s: float) -> tuple[Twist, tuple[Reason, ...]]:
         """The command nearest to the wanted one that is safe, and why it is not the same; after watch() without faults.
 
-        Within the robot's limits; then slowed, at the same yaw rate, until the braking check passes; else a stop.
+        Within the robot's limits; then slowed, at the same yaw rate or, a car, on the same curve, until the braking
+        check passes; else a stop.
         """
         if not np.isfinite(wanted).all():
             return self.stop(now_s, ("command_invalid",))
@@ -182,16 +183,18 @@ class Supervisor:
         command = self._within_limits(wanted, starting)
         if self._alignment.suspects_mount:  # what is ahead may be elsewhere: slowly, until that is clear
             slow = CREEP * self.robot.max_speed_mps
-            command = (min(max(command[0], -slow), slow), command[1])
+            command = self.robot.steerable((min(max(command[0], -slow), slow), command[1]))
         if math.dist(command, wanted) > 1e-6:
             reasons.append("limited")
         around = self._surroundings
         if (command[0] < 0.0 and not around.sees_behind()) or (command[0] > 0.0 and not around.sees_ahead()):
-            command = (0.0, command[1])
+            command = self.robot.steerable((0.0, command[1]))
             reasons.append("unseen")
         hits = around.seen_from(pose)
         speeds = dict.fromkeys(part * command[0] for part in SLOWER)
         choices = [(speed, command[1]) for speed in speeds]
+        if self.robot.is_car:
+            choices = [(part * command[0], part * command[1]) for part in SLOWER]
         chosen = next(
             (choice for choice in choices if self._can_stop(choice, twist, pending, hits)), STANDSTILL
         )
@@ -217,6 +220,14 @@ class Supervisor:
             return False
         hits = self._surroundings.seen_from((x, y, yaw + turn_rad)) + np.array([0.0, 0.0, FREE_M])
         return self._reckoning.base.stays_clear(STANDSTILL, np.array([[speed, 0.0, way_m / speed]]), hits)
+
+    def could_steer(self, twist: Twist, seconds: float, now_s: float) -> bool:
+        """Whether the robot, at rest, could drive an arc for so long; after watch() without faults."""
+        around = self._surroundings
+        if not (around.sees_behind() if twist[0] < 0.0 else around.sees_ahead()):
+            return False
+        hits = around.seen_from(self.pose_at(now_s)) + np.array([0.0, 0.0, FREE_M])
+        return self._reckoning.base.stays_clear(STANDSTILL, np.array([[*twist, seconds]]), hits)
 
     def _send(
         self, twist: Twist, reasons: tuple[Reason, ...], now_s: float
@@ -244,9 +255,11 @@ class Supervisor:
         v = min(max(wanted[0], twist[0] - change), twist[0] + change)
         w = min(max(wanted[1], twist[1] - turn_change), twist[1] + turn_change)
         fastest_turn = robot.max_yaw_rate_radps
-        return (
-            min(max(v, robot.min_speed_mps), robot.max_speed_mps),
-            min(max(w, -fastest_turn), fastest_turn),
+        return robot.steerable(
+            (
+                min(max(v, robot.min_speed_mps), robot.max_speed_mps),
+                min(max(w, -fastest_turn), fastest_turn),
+            )
         )
 
     def _can_stop(self, command: Twist, twist: Twist, pending: Array, hits: Array) -> bool:

@@ -170,6 +170,14 @@ class RobotConfig(HasNative):
         """Whether it cannot turn on the spot."""
         return self.min_turning_radius_m > 0.0
 
+    def steerable(self, twist: tuple[float, float]) -> tuple[float, float]:
+        """A speed and yaw rate with no tighter a turn than a car can steer: the speed is kept, as the base does."""
+        speed, yaw_rate = twist
+        if not self.is_car:
+            return twist
+        most = abs(speed) / self.min_turning_radius_m
+        return speed, min(max(yaw_rate, -most), most)
+
     @property
     def fastest_mps(self) -> float:
         """Greatest speed, forward or backward."""
