@@ -9,11 +9,14 @@ from numpy.testing import assert_array_equal
 
 from adrl.baselines.astar_dwa import AStarDwaPolicy
 from adrl.envs import Setting
-from adrl.errors import TaskError
+from adrl.errors import ConfigError, TaskError
 from adrl.evaluation.metrics import Episodes, success_rate
-from adrl.evaluation.rollout import rollout
+from adrl.evaluation.rollout import Rewards, rollout
+from adrl.evaluation.traces import TraceRecorder
+from adrl.observation import EncoderConfig, Measurements
+from adrl.rewards import RewardConfig
 from adrl.types import RobotConfig, Task, World
-from adrl.worlds import get_scenario, single_task, task_set
+from adrl.worlds import ROBOTS, get_scenario, single_task, task_set
 from adrl.worlds.shapes import enclosure
 
 ROBOT = RobotConfig()
@@ -126,3 +129,65 @@ def test_chunks_change_nothing(tasks, monkeypatch):
 def test_no_tasks_is_an_error():
     with pytest.raises(TaskError, match="no tasks"):
         rollout(Still(), [], ROBOT)
+
+
+def mixed_settings() -> list[Setting]:
+    encoder = EncoderConfig(history_steps=2)
+    return [
+        Setting(robot=ROBOTS["jackal"], guidance="replan", encoder=encoder, taken_as=ROBOTS["jackal"]),
+        Setting(robot=ROBOT, guidance="replan", encoder=encoder),
+        Setting(robot=ROBOTS["turtlebot3_burger"], guidance="replan", encoder=encoder),
+    ]
+
+
+def test_robots_side_by_side_drive_as_one_after_the_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In one chunk and in several, whatever the order: episodes, starts, returns and replays."""
+    settings, numbers = mixed_settings(), [7, 3, 12, 0, 5, 9, 1]
+    kinds = [2, 0, 1, 1, 0, 2, 0]
+    clutter, rewards = get_scenario("clutter"), Rewards(config=RewardConfig(), gamma=0.98, maturity=0.3)
+    tasks = [
+        task_set(clutter, settings[k].robot, "validation", 1, first=n)[0]
+        for n, k in zip(numbers, kinds, strict=True)
+    ]
+    parts, traces = [], {}
+    for task, number, k in zip(tasks, numbers, kinds, strict=True):
+        recorder = TraceRecorder(arrivals=1, failures=1)
+        options = {"first_task": number, "rewards": rewards, "recorders": [recorder], "record": 1}
+        parts.append(rollout(ScanReader(), [task], settings[k], num_threads=1, **options))
+        traces[number] = recorder.traces()
+    for chunk in (1000, 3):
+        monkeypatch.setattr("adrl.evaluation.rollout.CHUNK", chunk)
+        recorder = TraceRecorder(arrivals=9, failures=9)
+        told = {"numbers": numbers, "rewards": rewards, "recorders": [recorder], "record": len(tasks)}
+        whole = rollout(ScanReader(), tasks, settings, kinds=kinds, num_threads=2, **told)
+        for name, column in vars(whole.episodes).items():
+            assert_array_equal(column, np.concatenate([getattr(part.episodes, name) for part in parts]), name)
+        assert_array_equal(whole.start, np.concatenate([part.start for part in parts]))
+        assert_array_equal(whole.replans, np.concatenate([part.replans for part in parts]))
+        assert_array_equal(
+            whole.discounted_return, np.concatenate([part.discounted_return for part in parts])
+        )
+        for route, part in zip(whole.routes, parts, strict=True):
+            assert_array_equal(route, part.routes[0])
+        for trace in recorder.traces().episodes:
+            (alone,) = traces[trace.task].episodes
+            assert trace.robot == alone.robot == settings[kinds[numbers.index(trace.task)]].robot
+            for name in ("ranges", "pose", "waypoint", "weights", "paid"):
+                assert_array_equal(getattr(trace, name), getattr(alone, name), name)
+        for route, number in zip(recorder.traces().routes, numbers, strict=True):
+            assert_array_equal(route, traces[number].routes[0])
+
+
+def test_what_cannot_be_driven_side_by_side_is_said(tasks: list[Task]) -> None:
+    settings = mixed_settings()
+    for kinds in (None, [0], [0, 3], [0, -1]):
+        with pytest.raises(ConfigError, match="its kind"):
+            rollout(Still(), tasks[:2], settings, kinds=kinds)
+    with pytest.raises(ConfigError, match="its number"):
+        rollout(Still(), tasks[:2], ROBOT, numbers=[1])
+    with pytest.raises(ConfigError, match="no settings"):
+        rollout(Still(), tasks[:2], [], kinds=[0, 0])
+    with pytest.raises(ConfigError, match="differ in more than robot"):
+        rollout(Still(), tasks[:2], [settings[0], replace(settings[1], maturity=1.0)], kinds=[0, 1])
+    with pytest.raises(ConfigError, match="encoder of its own"):
+        rollout(Still(), tasks[:2], settings, kinds=[0, 1], encoder=Measurements())

@@ -5,7 +5,7 @@ from adrl.envs.mixture import Mixture
 from adrl.envs.nav_env import NavEnv
 from adrl.envs.nav_sim import Body, NavSim, Outcome
 from adrl.envs.randomization import MILD, NOMINAL, Randomization
-from adrl.envs.setting import Setting
+from adrl.envs.setting import Setting, simulate
 from adrl.envs.vector_env import NavVectorEnv, make_nav_vec
 
 __all__ = [
@@ -21,4 +21,5 @@ __all__ = [
     "Randomization",
     "Setting",
     "make_nav_vec",
+    "simulate",
 ]

@@ -4,6 +4,7 @@ import logging
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ from adrl.evaluation.results import (
     require_results_folder,
     write_table,
 )
-from adrl.evaluation.rollout import PrivilegedPolicy, rollout
+from adrl.evaluation.rollout import CHUNK, PrivilegedPolicy, rollout
 from adrl.evaluation.traces import TRACES_FILE, Traces, write_traces
 from adrl.observation import EncoderConfig
 from adrl.types import Policy, RobotConfig, Scenario, Task
@@ -113,20 +114,26 @@ def evaluate_family(
             on_step(ended, (robots - len(left_out)) * episodes)
 
     driven, parts = dict[int, RobotConfig](), list[Episodes]()
-    for number, robot, tasks in _with_tasks(drawn, place, split, robots, episodes, left_out):
+    own = None if isinstance(driver.encoder, EncoderConfig) else driver.encoder
+    side_by_side = (
+        max(1, CHUNK // episodes) if own is None else 1
+    )  # an encoder of a policy's own sees one robot
+    having_tasks = _with_tasks(drawn, place, split, robots, episodes, left_out)
+    while group := [*islice(having_tasks, side_by_side)]:
         ended = sum(map(len, parts))
         part = rollout(
             driver.policy,
-            tasks,
-            _setting(driver, robot, guidance),
-            encoder=None if isinstance(driver.encoder, EncoderConfig) else driver.encoder,
+            [task for _, _, tasks in group for task in tasks],
+            [_setting(driver, robot, guidance) for _, robot, _ in group],
+            kinds=[k for k in range(len(group)) for _ in range(episodes)],
+            encoder=own,
             seed=seed,
             num_threads=num_threads,
-            first_task=number * episodes,
+            numbers=[number * episodes + i for number, _, _ in group for i in range(episodes)],
             recorders=[] if recorder is None else [recorder],
             on_step=lambda more, _, ended=ended: tell(ended + more),
         )
-        driven[number] = robot
+        driven |= {number: robot for number, robot, _ in group}
         parts.append(part.episodes)
     if not parts:
         raise TaskError(f"none of {robots} robots has a task: {next(iter(left_out.values()))}")
@@ -134,7 +141,7 @@ def evaluate_family(
     for line in warnings:
         LOG.warning(line)
     numbers, together = np.array([*driven]), Episodes.concatenated(parts)
-    whose = np.repeat(numbers, [len(part) for part in parts])
+    whose = np.repeat(numbers, episodes)
     columns = by_robot([*driven.values()], numbers, together, whose)
     meta = RunMeta(
         policy=driver.name,

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.deploy.policies import act, begin, checked_actions
-from adrl.envs import Body, NavSim, Setting
+from adrl.envs import Body, NavSim, Setting, simulate
 from adrl.envs.nav_sim import Outcome
-from adrl.errors import TaskError
+from adrl.errors import ConfigError, TaskError
 from adrl.evaluation.metrics import Episodes
 from adrl.observation import Encoder, EncoderConfig
 from adrl.rewards import RewardConfig, reward
@@ -82,13 +82,15 @@ class Rewards:
 def rollout(
     policy: Policy | PrivilegedPolicy,
     tasks: Sequence[Task],
-    setting: Setting | RobotConfig,
+    setting: Setting | RobotConfig | Sequence[Setting],
     *,
+    kinds: Sequence[int] | None = None,
     encoder: Encoder | None = None,
     seed: int = 0,
     num_threads: int = 0,
     record: int = 0,
     first_task: int = 0,
+    numbers: Sequence[int] | None = None,
     rewards: Rewards | None = None,
     recorders: Sequence[Recorder] = (),
     on_step: Callable[[int, int], None] | None = None,
@@ -97,33 +99,43 @@ def rollout(
 ) -> Rollout:
     """Drive every task once.
 
-    setting: what the robots see and follow; a robot alone drives to the goal. encoder: of the policy's own, in place of
-    the setting's.
+    setting: what the robots see and follow; a robot alone drives to the goal. Several, which differ in robot, guidance
+    and taken_as, are driven side by side: task i with setting kinds[i]. encoder: of the policy's own, in place of the
+    setting's, which sees one robot.
     seed: of the sensors' noise and of odometry drift, nothing else; every policy meets the same. record: number of
-    tasks, from the first, whose routes are kept. first_task: number of tasks[0] in
-    its split. rewards: those to add up, if any. recorders: keep the course of episodes. on_step(ended, total) is
-    told the progress. body: moves and senses the robots instead of our simulator, as many side by side as it has.
+    tasks, from the first, whose routes are kept. first_task: number of tasks[0] in its split; numbers: of each, where
+    they do not follow each other. rewards: those to add up, if any. recorders: keep the course of episodes.
+    on_step(ended, total) is told the progress. body: moves and senses the robots instead of our simulator, as many side
+    by side as it has.
     on_drive(sim, numbers, moving) sees each period of the robots (N,) that moved. Raises TaskError for no tasks,
-    ConfigError for actions that are none.
+    ConfigError for actions that are none, and for several settings that cannot be driven side by side.
     """
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
     parts, routes, starts, returns, replans, done = [], [], [], [], [], 0
     asked = [recorder.reward for recorder in recorders] if rewards is None else [rewards.config]
     shown = next((config for config in asked if config is not None), None)
-    setting = setting if isinstance(setting, Setting) else Setting(robot=setting)
-    if encoder is not None:
-        setting = replace(setting, encoder=EncoderConfig(history_steps=encoder.history_steps))
+    settings = _settings(setting, encoder)
+    whose = np.zeros(len(tasks), np.intp) if kinds is None else np.asarray(kinds, np.intp)
+    in_split = first_task + np.arange(len(tasks)) if numbers is None else np.asarray(numbers, np.int64)
+    known = kinds is not None or len(settings) == 1
+    if not (known and len(whose) == len(in_split) == len(tasks) and set(whose) <= set(range(len(settings)))):
+        raise ConfigError(
+            f"there are {len(tasks)} tasks and {len(settings)} settings; say of each task its kind and its number"
+        )
     side_by_side = CHUNK if body is None else body.num_envs
     for first in range(0, len(tasks), side_by_side):
         chunk = tasks[first : first + side_by_side]
-        sim = setting.simulate(len(chunk), reward=shown, num_threads=num_threads, body=body)
-        numbers = first_task + first + np.arange(len(chunk))
+        rows = slice(first, first + len(chunk))
+        used, kind = np.unique(whose[rows], return_inverse=True)
+        among = [settings[k] for k in used]
+        sim = simulate(among, len(chunk), reward=shown, num_threads=num_threads, body=body)
+        own = in_split[rows]
         # Noise and drift of a task depend on the evaluation's seed and the task's number alone.
-        streams = [np.random.SeedSequence((seed, int(n))) for n in numbers]
+        streams = [np.random.SeedSequence((seed, int(n))) for n in own]
         seeds = np.array([stream.generate_state(1, np.uint64)[0] for stream in streams])
         drawers = [np.random.default_rng(stream.spawn(1)[0]) for stream in streams]
-        sim.reset(np.arange(len(chunk)), chunk, seeds, drawers)
+        sim.reset(np.arange(len(chunk)), chunk, seeds, drawers, kinds=kind)
         keep = max(0, min(record - first, len(chunk)))
 
         def observe(sim: NavSim = sim) -> NDArray[np.floating]:
@@ -135,9 +147,7 @@ def rollout(
 
         starts.append(observe())
         begin(policy, np.arange(len(chunk)))
-        part, kept, earned = _drive(
-            policy, sim, observe, numbers, keep, rewards, recorders, progress, on_drive
-        )
+        part, kept, earned = _drive(policy, sim, observe, own, keep, rewards, recorders, progress, on_drive)
         parts.append(part)
         routes += kept
         returns.append(earned)
@@ -152,6 +162,18 @@ def rollout(
         discounted_return=np.concatenate(returns),
         replans=np.concatenate(replans),
     )
+
+
+def _settings(given: Setting | RobotConfig | Sequence[Setting], encoder: Encoder | None) -> Sequence[Setting]:
+    settings = [given] if isinstance(given, Setting) else given
+    settings = [Setting(robot=settings)] if isinstance(settings, RobotConfig) else settings
+    if len(settings) == 0:
+        raise ConfigError("there are no settings to drive in; give one or more")
+    if encoder is None:
+        return settings
+    if len(settings) > 1:
+        raise ConfigError("a policy with an encoder of its own drives one robot at a time; give one setting")
+    return [replace(settings[0], encoder=EncoderConfig(history_steps=encoder.history_steps))]
 
 
 def _drive(
@@ -214,7 +236,7 @@ def _drive(
         "shortest_m": np.array([max(task.shortest_m - task.goal_tolerance_m, 0.0) for task in tasks]),
         "least_clearance_m": least_clearance,
         "mean_speed_mps": distance / np.maximum(time_s, 1e-9),
-        "smoothness": turned / np.maximum(steps, 1.0) / sim.robot.control_period_s,
+        "smoothness": turned / np.maximum(steps, 1.0) / sim.rows.robot.control_period_s,
         "start_xy_m": np.array([task.start[:2] for task in tasks]),
         "goal_xy_m": np.array([task.goal for task in tasks]),
         "final_pose": sim.b["pose"].copy(),

@@ -134,16 +134,17 @@ class TraceRecorder:
         self._chunk: list[Task] = []
         self._chunk_numbers: NDArray[np.int64] = np.empty(0, np.int64)
         self._last: Array = np.empty((0, 3))
-        self._step, self._every = 0, 1
+        self._step = 0
 
     def begin(self, sim: NavSim, numbers: NDArray[np.int64]) -> None:
         """Robots of the simulator stand at the starts of the tasks with these numbers in their split."""
-        self._robot, self._guidance = self._robot or sim.robot, sim.guidance
-        self._driving = sim.robot
+        self._driving = [sim.kinds[int(k)].robot for k in sim.b["kind"]]
+        self._robot, self._guidance = self._robot or self._driving[0], sim.guidance
         self._chunk = [task for task in sim.tasks if task is not None]
         self._chunk_numbers = numbers
         self._states, self._steps, self._points = StepLog(), StepLog(), StepLog()
-        self._every = max(1, round(ROUTE_SPACING_S / sim.robot.control_period_s))
+        periods = np.round(ROUTE_SPACING_S / sim.rows.robot.control_period_s)
+        self._every = np.maximum(1, periods.astype(np.int64))
         self._step = 0
         self._add_state(sim, np.arange(sim.num_envs))
 
@@ -164,13 +165,14 @@ class TraceRecorder:
                 self._left[bool(arrived)] -= 1
                 chosen.append(i)
         for i, states, steps in zip(chosen, self._states.of(chosen), self._steps.of(chosen), strict=True):
-            task = self._chunk[i]
+            task, robot = self._chunk[i], self._driving[i]
+            states["ranges"] = states["ranges"][:, : robot.lidar.num_beams]
             none = np.empty((0, len(reward_terms(self.reward))), np.float32)
             self._episodes.append(
                 Trace(
                     task=int(self._chunk_numbers[i]),
                     ending=RATES[int(ending[:, i].argmax())],
-                    robot=self._driving,
+                    robot=robot,
                     world=task.world,
                     goal=task.goal,
                     goal_tolerance_m=task.goal_tolerance_m,
@@ -213,8 +215,7 @@ class TraceRecorder:
             clearance=np.minimum(b["clearance"], 1.0),
             ranges=b["ranges"].astype(np.float16),
         )
-        if self._step % self._every == 0:
-            self._points.add(rows, place=b["pose"][:, :2])
+        self._points.add(rows[self._step % self._every[rows] == 0], place=b["pose"][:, :2])
         self._last = b["pose"]
 
 
