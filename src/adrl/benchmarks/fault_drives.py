@@ -9,14 +9,12 @@ from zlib import crc32
 
 import numpy as np
 
-from adrl import _core
-from adrl.benchmarks.faults import FAULTS, Fault, Line, pass_on
-from adrl.deploy import MlpPolicy, Navigator, Odometry, Pose, Scan, Twist, load_policy
+from adrl.benchmarks.faults import FAULTS
+from adrl.benchmarks.faulty_lines import FaultyLines, params_of
+from adrl.deploy import MlpPolicy, Navigator, load_policy
 from adrl.deploy.policy import DEFAULT, resolve_policy
 from adrl.envs import NavSim
-from adrl.envs.randomization import PARAMS, nominal_params
 from adrl.evaluation.statistics import wilson_interval
-from adrl.geometry import compose
 from adrl.types import RobotConfig, Task, World
 from adrl.worlds import get_scenario, load_robot, task_set
 
@@ -24,8 +22,6 @@ Outcome = Literal["arrived", "hit_standing", "hit_moving", "timeout"]
 OUTCOMES: tuple[Outcome, ...] = get_args(Outcome)
 SCENARIOS = ("clutter", "complex", "rooms", "dynamic")
 ROBOT_NAMES = ("diffbot", "turtlebot3_burger", "jackal")
-WATCHDOG = 2
-"""Periods without a command after which a base stops by itself."""
 SPARE = 2.0
 """Of a task's time limit: who stands for a while still has the time to arrive."""
 MOVED_M, STANDS_S = 0.02, 40.0
@@ -98,24 +94,17 @@ class _Robot:
         self.name, self.fault, self.task, self.number = name, FAULTS[name], task, number
         # By what the drive is, and not by its place among others: a part of them is the same drives.
         drive = np.random.SeedSequence(crc32(f"{name}/{robot.name}/{scenario}/{number}".encode()))
-        scans, odometry, commands, places, glass, sensors = drive.spawn(6)
-        self.scans: Line[Scan] = Line(robot, scans)
-        self.odometry: Line[Odometry] = Line(robot, odometry)
-        self.commands: Line[Twist] = Line(robot, commands)
-        self.places: Line[Pose] = Line(robot, places)
-        self.sensors_seed = sensors.generate_state(1, np.uint64)[0]
+        self.lines = FaultyLines(robot, task.world, drive, self.fault)
+        self.sensors_seed = drive.spawn(1)[0].generate_state(1, np.uint64)[0]
         """Of the simulated sensors' noise."""
         policy = policy_of(robot)
         world = task.world if policy.config.guidance == "map" else None
         self.navigator = Navigator(policy, world=world)
         self.navigator.set_goal(task.goal)
-        self.age = WATCHDOG
-        """Periods since the base was told anything."""
         self.moved_m, self.moved_s = 0.0, 0.0
         """How far it had come when it moved last, and when that was."""
         self.outcome: Outcome | None = None
         self.reasons: Counter[str] = Counter()
-        self.sees = _without_glass(task.world, glass) if self.fault.glass else None
 
     def is_late(self, travelled_m: float, time_s: float) -> bool:
         """Whether it has used up its time, or stands for good."""
@@ -162,56 +151,18 @@ def _drive(names: Sequence[str], robot: RobotConfig, scenario: str, tasks: dict[
 
 def _step(one: _Robot, sim: NavSim, i: int, step: int) -> None:
     """What robot i receives in a control period, and what its base does with what it sends."""
-    fault, b, period_s = one.fault, sim.b, sim.robot.control_period_s
-    now_s = step * period_s
-    if fault.clock is not None:
-        now_s = fault.clock(step, now_s)
-    ranges = b["ranges"][i] if one.sees is None else _seen_through(one, sim, i)
-    scan = pass_on(one.scans, as_scan(ranges, sim.robot, now_s), fault.scan, fault.in_spells)
-    odometry = pass_on(one.odometry, as_odometry(sim, i, now_s), fault.odometry, fault.in_spells)
-    one.age += 1
-    if fault.node(step):
-        x, y, yaw = b["pose"][i].tolist()
-        place = pass_on(one.places, (x, y, yaw), fault.localisation, fault.in_spells)
-        command = one.navigator.step(scan, odometry, now_s, map_pose=place)
+    received = one.lines.receive(sim, i, step)
+    if received is not None:
+        command = one.navigator.step(
+            received.scan, received.odometry, received.now_s, map_pose=received.place
+        )
         one.reasons.update(command.reasons)
         if command.status == "reached":
             one.outcome = "arrived"
         elif command.status == "failed":
             one.outcome = "timeout"
-        sent = pass_on(one.commands, command.twist, fault.command, fault.in_spells)
-        if sent is not None:
-            b["command"][i], one.age = sent, 0
-    if one.age >= WATCHDOG:
-        b["command"][i] = 0.0
-
-
-def as_scan(ranges: np.ndarray, robot: RobotConfig, stamp_s: float) -> Scan:
-    """What a driver publishes of the simulated LiDAR."""
-    lidar = robot.lidar
-    return Scan(
-        ranges=ranges.astype(np.float64),
-        angle_min_rad=lidar.angle_min_rad,
-        angle_increment_rad=lidar.angle_increment_rad,
-        range_max_m=lidar.max_range_m,
-        stamp_s=stamp_s,
-    )
-
-
-def as_odometry(sim: NavSim, i: int, stamp_s: float) -> Odometry:
-    """The simulated robot's own reckoning."""
-    (x, y, yaw), (v, w) = sim.b["odometry"][i].tolist(), sim.b["twist"][i].tolist()
-    return Odometry(pose=(x, y, yaw), twist=(v, w), stamp_s=stamp_s)
-
-
-def params_of(robot: RobotConfig, fault: Fault) -> np.ndarray:
-    """(P,) of the simulated base."""
-    params: dict[str, float] = dict(zip(PARAMS, nominal_params(robot).tolist(), strict=True))
-    for name, factor in fault.base_factors.items():
-        params[name] *= factor
-    for name, term in fault.base_terms.items():
-        params[name] += term
-    return np.array([params[name] for name in PARAMS])
+        one.lines.send(sim, i, command.twist)
+    one.lines.watch_base(sim, i)
 
 
 def _moving_near(sim: NavSim, i: int) -> bool:
@@ -219,21 +170,3 @@ def _moving_near(sim: NavSim, i: int) -> bool:
     moving = sim.moving(i)
     away = np.hypot(*(moving[:, :2] - sim.b["pose"][i, :2]).T) - moving[:, 2]
     return bool((away < sim.robot.circumscribed_radius_m + TOUCH_M).any())
-
-
-def _without_glass(world: World, seed: np.random.SeedSequence) -> World:
-    """A third of the circles and polygons are of glass: the LiDAR looks through them."""
-    rng = np.random.default_rng(seed)
-    circles = world.circles[rng.random(len(world.circles)) > 1.0 / 3.0]
-    polygons = tuple(corners for corners in world.polygons if rng.random() > 1.0 / 3.0)
-    return dataclasses.replace(world, circles=circles, polygons=polygons)
-
-
-def _seen_through(one: _Robot, sim: NavSim, i: int) -> np.ndarray:
-    """(K,) ranges where glass is not seen."""
-    assert one.sees is not None
-    lidar = sim.robot.lidar
-    sensor = np.array([compose(sim.b["pose"][i], lidar.mount)])
-    time_s = float(sim.b["time"][i])
-    through = _core.raycast(one.sees.native, sensor, lidar.angles_rad, lidar.max_range_m, time_s)[0]
-    return np.maximum(through, sim.b["ranges"][i])
