@@ -20,6 +20,7 @@ COMMANDS = {
     "ros1": "drive a robot with ROS 1, or be one: drive, sim",
     "ros2": "drive a robot with ROS 2, or be one: drive, sim",
     "calibrate": "fit the simulator's base to recorded drives",
+    "view": "watch and steer drives live, in a browser on this machine",
     "report": "write one HTML file of a run or a comparison: curves, tables, replays, failures",
     "regret": "compare methods by how far each is behind the best, over experts, rewards, places and robots",
     "reproduce": "run the paper's experiments again: figures, tables and what does not reproduce",

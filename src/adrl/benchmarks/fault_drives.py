@@ -15,7 +15,7 @@ from adrl.deploy import MlpPolicy, Navigator, load_policy
 from adrl.deploy.policy import DEFAULT, resolve_policy
 from adrl.envs import NavSim
 from adrl.evaluation.statistics import wilson_interval
-from adrl.types import RobotConfig, Task, World
+from adrl.types import RobotConfig, Task
 from adrl.worlds import get_scenario, load_robot, task_set
 
 Outcome = Literal["arrived", "hit_standing", "hit_moving", "timeout"]

@@ -1,10 +1,10 @@
 """A simulated robot whose sensors, localisation, runtime and base are joined by lines with a fault.
 
-    received = lines.receive(sim, i, step)
-    if received is not None:                      # the node runs
-        lines.send(sim, i, ...)                   # the command that the runtime made of it
-    lines.watch_base(sim, i)
-    ...                                           # the simulator's step
+received = lines.receive(sim, i, step)
+if received is not None:                      # the node runs
+    lines.send(sim, i, ...)                   # the command that the runtime made of it
+lines.watch_base(sim, i)
+...                                           # the simulator's step
 """
 
 import dataclasses

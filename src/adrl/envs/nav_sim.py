@@ -167,9 +167,7 @@ class NavSim:
             self._know_kinds()
         mask = np.zeros(self.num_envs, dtype=np.uint8)
         for i, task in zip(indices, tasks, strict=True):
-            self.tasks[i] = task
-            self.native.set_task(int(i), task.native)
-            self._time_limit_s[i] = task.time_limit_s
+            self.set_task(int(i), task)
         mask[indices] = 1
         self.b["seed"][indices] = seeds
         robots = [self.kinds[int(k)].robot for k in self.b["kind"][indices]]
@@ -198,6 +196,12 @@ class NavSim:
         own = self.rows.robot[indices]
         self._displacements[indices] = (own.max_speed_mps * own.control_period_s)[:, None]
         self._features[indices] = features(self._snapshot(indices), self.reward)
+
+    def set_task(self, i: int, task: Task) -> None:
+        """Another world or goal for robot i, which goes on from where it is; reset() begins the task."""
+        self.tasks[i] = task
+        self.native.set_task(i, task.native)
+        self._time_limit_s[i] = task.time_limit_s
 
     def observe(self, rows: Rows = ALL) -> F32:
         """(N, D) observations, a new array; of the robots `rows` (M,) alone, (M, D)."""

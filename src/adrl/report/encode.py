@@ -46,14 +46,8 @@ def packed(array: NDArray[Any], largest: float | None = None) -> dict[str, Any]:
 
 
 def world_content(world: World) -> dict[str, Any]:
-    """The geometry; a disc that never stops has stop_s null, a bitmap is a picture of a pixel a cell."""
-    content: dict[str, Any] = {
-        "bounds": numbers(world.bounds),
-        "circles": numbers(world.circles),
-        "polygons": [numbers(corners) for corners in world.polygons],
-        "segments": numbers(world.segments),
-        "discs": numbers(world.discs),
-    }
+    """The geometry; a bitmap is a picture of a pixel a cell."""
+    content: dict[str, Any] = {"bounds": numbers(world.bounds)} | obstacles(world)
     if world.grid is not None:
         solid = np.asarray(world.grid.solid) != 0
         content["grid"] = {
@@ -63,6 +57,16 @@ def world_content(world: World) -> dict[str, Any]:
             "origin": numbers(world.grid.origin, 8),
         }
     return content
+
+
+def obstacles(world: World) -> dict[str, Any]:
+    """What stands and moves in a world, without its bitmap; a disc that never stops has stop_s null."""
+    return {
+        "circles": numbers(world.circles),
+        "polygons": [numbers(corners) for corners in world.polygons],
+        "segments": numbers(world.segments),
+        "discs": numbers(world.discs),
+    }
 
 
 def world_picture(world: World) -> str:
@@ -97,3 +101,23 @@ def _data_uri(picture: Image.Image) -> str:
     buffer = io.BytesIO()
     picture.save(buffer, format="png", optimize=True)
     return "data:image/png;base64," + base64.b64encode(buffer.getvalue()).decode()
+
+
+OWN_MAP = ((0, 0, 0, 0), (86, 180, 233, 60), (181, 87, 154, 255))
+"""Red, green, blue and opacity of what a robot has never seen, has seen free, and holds to be solid."""
+
+
+def own_map(
+    log_odds: NDArray[np.int8], resolution_m: float, corner: tuple[float, float, float]
+) -> dict[str, Any]:
+    """A robot's own map (H, W), solid above 0 and free below, as a world's grid is given; corner: its lower left."""
+    levels = np.where(log_odds > 0, 2, np.where(log_odds < 0, 1, 0)).astype(np.uint8)
+    picture = Image.fromarray(levels[::-1], mode="P")
+    picture.putpalette([number for colour in OWN_MAP for number in colour[:3]])
+    picture.info["transparency"] = bytes(colour[3] for colour in OWN_MAP)
+    return {
+        "picture": _data_uri(picture),
+        "size": [levels.shape[1], levels.shape[0]],
+        "resolution_m": resolution_m,
+        "origin": numbers(corner, 8),
+    }

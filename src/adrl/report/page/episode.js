@@ -37,6 +37,7 @@ function momentOf(evaluation, replay, { time, from = 0 }) {
   return {
     world: DATA.worlds[replay.world],
     time,
+    people: [],
     shape: replay.robot_shape ?? evaluation.robot_shape,
     pose: poseAt(replay, time),
     trail: Array.from({ length: frame + 1 - first }, (_, i) => at(first + i)),

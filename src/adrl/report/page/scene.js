@@ -1,6 +1,6 @@
 /**
  * A moment, from above: what the report's replays and adrl view draw. Lengths in metres, angles in radians.
- *   world: as encode.world_content makes it; time: in seconds, for what moves in it
+ *   world: as encode.world_content makes it; time: in seconds, for the discs that move in it; people: [[x, y, radius], ...]
  *   shape: the robot's, as document.robot_shape makes it; pose: [x, y, yaw]; trail: [[x, y], ...] driven so far
  *   goal: [x, y] or null; tolerance; path: [[x, y], ...] of a known map
  *   waypoint: [x, y] or null; plan: [[x, y], ...] from the robot on, a straight line to the waypoint without one
@@ -54,6 +54,18 @@ function drawWorld(context, world, px, time, redraw) {
   context.fillStyle = colour('moving');
   context.strokeStyle = colour('edge');
   discs.forEach((disc) => shape(() => context.arc(...discPlace(disc, time), disc[4], 0, 2 * Math.PI)));
+}
+
+/** A body with a head, unlike a disc that moves. */
+function drawPerson(context, [x, y, radius]) {
+  context.fillStyle = colour('moving');
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+  context.fill();
+  context.fillStyle = colour('ink');
+  context.beginPath();
+  context.arc(x, y, 0.4 * radius, 0, 2 * Math.PI);
+  context.fill();
 }
 
 function drawGrid(context, grid, redraw) {
@@ -140,6 +152,7 @@ function drawScene(context, width, height, moment, { view, redraw = () => {}, ov
     context.globalAlpha = 1;
   }
   drawWorld(context, moment.world, px, moment.time, redraw);
+  moment.people.forEach((person) => drawPerson(context, person));
   context.strokeStyle = colour('muted');
   context.lineWidth = 1.4 * px;
   context.setLineDash([1.5 * px, 4 * px]);

@@ -25,10 +25,11 @@ function strip(title, unit, { stacked = false, onSeek }) {
   }
 
   const redraw = sharp(canvas, (context, width, height) => {
-    if (!replay) return;
+    if (!replay?.time_s.length) return;
     const [low, high] = range();
-    const end = replay.time_s.at(-1) || 1;
-    const x = (t) => PAD.left + (t / end) * span(width);
+    const begin = replay.time_s[0];
+    const end = Math.max(replay.time_s.at(-1), begin + 0.01);
+    const x = (t) => PAD.left + ((t - begin) / (end - begin)) * span(width);
     const y = (v) => height - PAD.bottom - ((v - low) / (high - low)) * (height - PAD.top - PAD.bottom);
     context.font = '11px system-ui, "DejaVu Sans", sans-serif';
     context.fillStyle = colour('muted');
@@ -45,7 +46,7 @@ function strip(title, unit, { stacked = false, onSeek }) {
     }
     context.textAlign = 'left';
     context.textBaseline = 'alphabetic';
-    context.fillText('0 s', PAD.left, height - 3);
+    context.fillText(`${fixed(begin, begin === 0 ? 0 : 1)} s`, PAD.left, height - 3);
     context.textAlign = 'right';
     context.fillText(`${end.toFixed(1)} s`, width - PAD.right, height - 3);
     (stacked ? drawAreas : drawLines)(context, x, y);
@@ -88,7 +89,8 @@ function strip(title, unit, { stacked = false, onSeek }) {
     if (!replay || (event.type === 'pointermove' && !event.buttons)) return;
     const box = canvas.getBoundingClientRect();
     const part = (event.clientX - box.left - PAD.left) / span(box.width);
-    onSeek(Math.min(1, Math.max(0, part)) * replay.time_s.at(-1));
+    const [begin, end] = [replay.time_s[0], replay.time_s.at(-1)];
+    onSeek(begin + Math.min(1, Math.max(0, part)) * (end - begin));
   };
   canvas.addEventListener('pointerdown', seek);
   canvas.addEventListener('pointermove', seek);

@@ -1,0 +1,164 @@
+const OTHER = '\u2026';
+const BY_HAND = 'by hand';
+const SLOWEST = 0.1;
+const FASTEST = 20;
+
+/** A drop-down of names, and one of one's own where a file or folder will do. */
+function picker(label, id, { other = null, none = null } = {}) {
+  const select = el('select', { id });
+  const text = el('input', { type: 'text', 'aria-label': `${label}: ${other}`, placeholder: other, hidden: true, spellcheck: 'false' });
+  const element = el('label', {}, label, select, text);
+  select.addEventListener('change', () => { text.hidden = select.value !== OTHER; if (!text.hidden) text.focus(); });
+  return {
+    element,
+    fill(names, value) {
+      const known = names.includes(value) || (none !== null && value === '') ? names : [...names, value];
+      select.replaceChildren(
+        ...(none === null ? [] : [el('option', { value: '' }, none)]),
+        ...known.map((name) => el('option', { value: name }, name)),
+        ...(other === null ? [] : [el('option', { value: OTHER }, `${other} ${OTHER}`)]),
+      );
+      select.value = value;
+      text.hidden = true;
+    },
+    get value() { return select.value === OTHER ? text.value.trim() : select.value; },
+  };
+}
+
+function buildChoices() {
+  const policy = picker('Policy', 'policy', { other: 'run folder or file' });
+  const second = picker('Beside it', 'second', { none: 'nobody', other: 'run folder or file' });
+  const robot = picker('Robot', 'robot', { none: "the policy's own", other: 'TOML file' });
+  const place = picker('Place', 'place-choice', { other: 'map, world or folder' });
+  const guidance = picker('Guidance', 'guidance', { none: 'as trained' });
+  const task = el('input', { type: 'number', id: 'task', min: 0, step: 1 });
+  const start = el('button', { type: 'submit', class: 'button primary' }, 'Start');
+  const choose = (changes = {}) => ask({
+    do: 'choose', policies: [policy.value, second.value].filter(Boolean), robot: robot.value, place: place.value,
+    guidance: guidance.value, task: Math.max(0, Math.round(Number(task.value) || 0)), ...changes,
+  });
+  const form = el('form', { class: 'choices', onsubmit: (event) => { event.preventDefault(); choose(); } },
+    policy.element, second.element, robot.element, place.element, guidance.element, el('label', {}, 'Task', task), start);
+  document.getElementById('choices').append(form);
+  return {
+    choose,
+    fill({ offer, choice }) {
+      policy.fill(offer.policies, choice.policies[0]);
+      second.fill(offer.policies, choice.policies[1] ?? '');
+      robot.fill(offer.robots, choice.robot);
+      place.fill(offer.places, choice.place);
+      guidance.fill(offer.guidance, choice.guidance);
+      task.value = choice.task;
+    },
+  };
+}
+
+function buildTransport(choices) {
+  const state = { playing: true, speed: 1 };
+  const pace = (changes) => { Object.assign(state, changes); ask({ do: 'pace', playing: state.playing, speed: state.speed }); };
+  const play = el('button', { type: 'button', class: 'button primary', id: 'play', onclick: () => pace({ playing: !state.playing }) }, '❚❚ Pause');
+  const restart = el('button', { type: 'button', class: 'button', id: 'restart', 'data-for': 'drive', onclick: () => ask({ do: 'restart' }) }, '↺ Restart');
+  const next = el('button', { type: 'button', class: 'button', id: 'next', 'data-for': 'drive', onclick: () => choices.choose({ ...link.setup.choice, do: 'choose', task: link.setup.choice.task + 1 }) }, 'Next task ›');
+  const scrub = el('input', { type: 'range', id: 'scrub', 'data-for': 'recording', min: 0, step: 0.1, 'aria-label': 'Time in the recording', oninput: () => ask({ do: 'seek', time_s: Number(scrub.value) }) });
+  // The slider is the logarithm: as far from 0.1 to 1 as from 2 to 20.
+  const slider = el('input', { type: 'range', id: 'speed', min: Math.log(SLOWEST), max: Math.log(FASTEST), step: 'any', 'aria-label': 'Speed', oninput: () => pace({ speed: rounded(Math.exp(Number(slider.value))) }) });
+  slider.addEventListener('keydown', (event) => {
+    const way = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
+    if (!way) return;
+    event.preventDefault();
+    pace({ speed: rounded(state.speed * 1.25 ** way) });
+  });
+  const told = el('output', { for: 'speed', id: 'pace' });
+  const follow = el('button', { type: 'button', class: 'button', id: 'follow', onclick: () => {
+    stage.follow = !stage.follow;
+    remembered.set('follow', stage.follow);
+    show(state);
+    stage.lanes.forEach((lane) => lane.redraw());
+  } }, 'Follow the robot');
+  document.getElementById('transport').append(play, restart, next, scrub, el('label', { for: 'speed' }, 'Speed'), slider, told, follow);
+  function rounded(speed) {
+    const near = Math.min(FASTEST, Math.max(SLOWEST, speed));
+    return Math.abs(near - 1) < 0.08 ? 1 : Number(near.toPrecision(2));
+  }
+  function show({ playing, speed, reached, time_s: now, duration_s: end }) {
+    Object.assign(state, { playing, speed });
+    play.textContent = playing ? '❚❚ Pause' : '▶ Play';
+    if (document.activeElement !== slider) slider.value = Math.log(speed);
+    const slow = playing && reached < 0.8 * speed ? `, this machine does ${fixed(reached)}` : '';
+    told.textContent = `${fixed(speed, speed < 1 ? 2 : 1)} × real time${slow}`;
+    slider.setAttribute('aria-valuetext', told.textContent);
+    follow.setAttribute('aria-pressed', String(Boolean(stage.follow)));
+    if (end !== undefined) {
+      scrub.max = end;
+      if (document.activeElement !== scrub) scrub.value = now;
+      scrub.setAttribute('aria-valuetext', `${fixed(now)} seconds of ${fixed(end)}`);
+      told.textContent += ` · ${fixed(now)} of ${fixed(end)} s`;
+    }
+  }
+  return { show };
+}
+
+function buildPlace() {
+  const pillar = el('button', { type: 'button', class: 'button', id: 'pillar', onclick: () => {
+    const [x, y, yaw] = stage.lanes[0].now.pose;
+    ask({ do: 'pillar', x: x + 1.2 * Math.cos(yaw), y: y + 1.2 * Math.sin(yaw) });
+  } }, 'Put a pillar before the robot');
+  document.getElementById('place').append(el('div', { class: 'controls' }, pillar), el('p', { class: 'note small' },
+    'Click for a goal, drag an obstacle. By keyboard: Tab to the picture, arrows move the crosshair, ', el('kbd', {}, 'Enter'), ' sets the goal, ',
+    el('kbd', {}, 'Space'), ' takes or drops an obstacle, ', el('kbd', {}, 'P'), ' puts a pillar.'));
+}
+
+function buildFaults() {
+  const buttons = new Map();
+  const select = el('select', { id: 'fault', 'aria-label': 'What goes wrong', onchange: () => ask({ do: 'fault', name: select.value }) });
+  const quick = el('div', { class: 'controls' });
+  document.getElementById('faults').append(quick, el('label', { class: 'stacked' }, 'Any of them, until another is chosen', select), el('p', { class: 'note small', style: 'margin-top: .6rem' },
+    'As in adrl bench faults. What the supervisor says of it stands below the picture.'));
+  return {
+    fill({ faults, quick_faults: named }) {
+      select.replaceChildren(...faults.map((name) => el('option', { value: name }, name)));
+      buttons.clear();
+      quick.replaceChildren(...Object.entries(named).map(([text, name]) => {
+        const button = el('button', { type: 'button', class: 'button', 'aria-pressed': 'false', onclick: () => ask({ do: 'fault', name: select.value === name ? 'none' : name }) }, text);
+        buttons.set(name, button);
+        return button;
+      }));
+    },
+    show(fault) {
+      if (document.activeElement !== select) select.value = fault;
+      buttons.forEach((button, name) => button.setAttribute('aria-pressed', String(name === fault)));
+    },
+  };
+}
+
+function buildWheel(choices) {
+  const wheel = el('button', { type: 'button', class: 'button', id: 'take-wheel', onclick: () => {
+    const byHand = link.setup.by_hand;
+    const others = link.setup.choice.policies.filter((name) => name !== BY_HAND);
+    choices.choose({ ...link.setup.choice, policies: byHand ? [others[0] ?? 'default'] : [BY_HAND] });
+  } });
+  const record = el('button', { type: 'button', class: 'button', id: 'record', onclick: () => ask({ do: 'record', on: record.getAttribute('aria-pressed') !== 'true' }) }, 'Record');
+  const save = el('button', { type: 'button', class: 'button', id: 'save', onclick: () => ask({ do: 'save' }) }, 'Save');
+  const told = el('p', { class: 'note small', id: 'recorded', role: 'status' });
+  const padding = el('div', {});
+  buildHand(padding);
+  document.getElementById('wheel').append(el('div', { class: 'controls' }, wheel, record, save), el('div', { class: 'wheel' }, padding, el('div', {},
+    el('p', { class: 'note small' }, el('kbd', {}, 'W'), ' ', el('kbd', {}, 'A'), ' ', el('kbd', {}, 'S'), ' ', el('kbd', {}, 'D'), ', a gamepad, or the pad. ', el('kbd', {}, 'Shift'), ' drives at half speed.'), told)));
+  return {
+    fill({ by_hand: byHand }) {
+      wheel.textContent = byHand ? 'Let the policy drive' : 'Take the wheel';
+      wheel.setAttribute('aria-pressed', String(byHand));
+      record.disabled = !byHand;
+      padding.hidden = !byHand;
+    },
+    show({ on, steps, episodes, arrivals, saved }) {
+      record.setAttribute('aria-pressed', String(on));
+      record.className = on ? 'button recording' : 'button';
+      save.disabled = steps === 0;
+      const counts = steps ? `${steps} steps, ${episodes} episodes, ${arrivals} arrivals. ` : '';
+      const where = saved.length ? `Saved: ${saved.at(-1)}. Train with it: adrl train --dataset ${saved.at(-1)}` : '';
+      const text = counts + where;
+      if (told.textContent !== text) told.textContent = text;
+    },
+  };
+}

@@ -1,0 +1,50 @@
+const RETRY_MS = 1000;
+const GONE = 'The server does not answer, and the drive stands still. This page goes on when it is back. If you start adrl view again, open the address that it prints.';
+
+/** The line to the server. It comes back by itself. listeners: setup(content), frame(content). */
+const link = { listeners: [], send: () => {}, setup: null };
+
+function connect() {
+  const line = new WebSocket(`ws://${location.host}${location.pathname}live`);
+  link.send = (message) => { if (line.readyState === WebSocket.OPEN) line.send(JSON.stringify(message)); };
+  line.onopen = () => { say(''); setLink('live', 'live'); };
+  line.onmessage = ({ data }) => {
+    const content = JSON.parse(data);
+    if (content.setup) {
+      link.setup = content.setup;
+      link.listeners.forEach(({ setup }) => setup?.(content.setup));
+    } else {
+      if (content.errors) say(content.errors.join('\n'));
+      if (link.setup && content.lanes) link.listeners.forEach(({ frame }) => frame?.(content));
+    }
+  };
+  line.onclose = () => {
+    setLink('gone', 'no server');
+    say(GONE);
+    setTimeout(connect, RETRY_MS);
+  };
+}
+
+function setLink(state, text) {
+  const element = document.getElementById('link');
+  element.dataset.state = state;
+  element.textContent = text;
+}
+
+/** What went wrong, or nothing; an error stays until something else is asked for. */
+function say(text) {
+  const banner = document.getElementById('banner');
+  banner.textContent = text;
+  banner.hidden = !text;
+}
+
+function ask(message) {
+  say('');
+  link.send(message);
+}
+
+/** What this tab remembers across a reload; the rest is the server's. */
+const remembered = {
+  get: (name, otherwise) => { const text = sessionStorage.getItem(name); return text === null ? otherwise : JSON.parse(text); },
+  set: (name, value) => sessionStorage.setItem(name, JSON.stringify(value)),
+};
