@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.evaluation.metrics import RATES, SAMPLES, Episodes
-from adrl.evaluation.results import RunMeta, Summary, about_run, interval_entry, plain_table
+from adrl.evaluation.results import RunMeta, Summary, about_run, interval_entry, plain_table, training_of
 from adrl.evaluation.statistics import bootstrap_mean, clustered_rate, wilson_interval, worst_decile
 from adrl.types import LidarConfig, RobotConfig
 
@@ -64,7 +64,7 @@ def summarise_robots(columns: Columns, meta: RunMeta, left_out: Mapping[str, str
     summary |= interval_entry("worst_decile", worst_decile(columns["success"]))
     worst = int(worst_first(columns)[0])
     successes = round(float(columns["success"][worst] * trials[worst]))
-    return summary | {
+    summary |= {
         "worst_robot": {
             "robot": str(columns["name"][worst]),
             "episodes": int(trials[worst]),
@@ -72,6 +72,7 @@ def summarise_robots(columns: Columns, meta: RunMeta, left_out: Mapping[str, str
             **interval_entry("success", wilson_interval(successes, int(trials[worst]))),
         }
     }
+    return summary | training_of(meta)
 
 
 def worst_first(columns: Columns) -> NDArray[np.intp]:

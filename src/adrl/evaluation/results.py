@@ -81,15 +81,21 @@ def summarise(episodes: Episodes, meta: RunMeta) -> Summary:
         summary |= interval_entry(ending, wilson_interval(int(flags.sum()), len(flags)))
     for name, samples in SAMPLES.items():
         summary |= interval_entry(name, bootstrap_mean(samples(episodes)))
-    return summary
+    return summary | training_of(meta)
+
+
+TRAINING = ("train_seconds", "env_steps", "gradient_updates")
 
 
 def about_run(meta: RunMeta) -> Summary:
-    """What a document says of the policy and of where it drove."""
-    return {"schema_version": SCHEMA_VERSION} | {
-        key: _defined(value) if isinstance(value, float) else value
-        for key, value in (asdict(meta) | {"warnings": list(meta.warnings)}).items()
-    }
+    """What a document begins with: of which policy it is, and where it drove."""
+    about = {key: value for key, value in asdict(meta).items() if key not in TRAINING}
+    return {"schema_version": SCHEMA_VERSION, **about, "warnings": list(meta.warnings)}
+
+
+def training_of(meta: RunMeta) -> Summary:
+    """What it ends with: what the policy's training took."""
+    return {key: _defined(getattr(meta, key)) for key in TRAINING}
 
 
 def require_results_folder(option: str, path: outputs.PathLike | None) -> None:
