@@ -156,7 +156,7 @@ def test_the_command_names_the_worst_robot_and_the_report_replays_it(
     told = capsys.readouterr().err
     summary = json.loads((out / "summary.json").read_text())
     assert summary["worst_robot"]["robot"] in told
-    assert "6 robots: nine of ten robots have at least" in told
+    assert "and the worst of 6 robots" in told
     assert load_robot(summary["worst_robot"]["robot"]) == FAMILIES["any"].draw(
         "test", int(summary["worst_robot"]["robot"].rpartition(":")[2])
     )

@@ -72,6 +72,7 @@ class SavedRun(TypedDict):
 def identity(config: TrainConfig, policy: PolicyConfig) -> dict[str, Any]:
     """What a resumed run must share with the one it goes on with, as JSON gives it back."""
     about = {"robot": policy.robot, "encoder": policy.encoder, "guidance": policy.guidance}
+    about |= {"family": policy.family} if policy.family else {}
     about |= {"method": policy.method, "environment": policy.extra.get("environment")}
     return json.loads(json.dumps(config.comparable() | about, default=str))
 

@@ -10,12 +10,20 @@ import tyro
 from adrl import api
 from adrl.commands.options import parse
 from adrl.commands.progress import console, counting_bar
+from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import CONFIG_FILE, WEIGHTS_FILE
 from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.outputs import require_file
 from adrl.report.html import plotly_script, write_report
 from adrl.report.paper import paper_figures
-from adrl.report.source import evaluation_folders, outdated, read_run, read_source, read_summary
+from adrl.report.source import (
+    evaluation_folders,
+    outdated,
+    read_run,
+    read_source,
+    read_summary,
+    robot_of_run,
+)
 from adrl.types import SPLITS
 from adrl.worlds.place import Place
 
@@ -74,8 +82,7 @@ def _evaluate_anew(run: Path, episodes: int) -> None:
         _evaluate(run, place, run / "evaluation", {"episodes": episodes})
     for folder in outdated(run):
         summary = read_summary(folder)
-        robot = config.get("robot", {}).get("name")
-        trained = {"scenario": place.load().name, "robot": robot, "simulator": "native"}
+        trained = {"scenario": place.load().name, "robot": robot_of_run(config), "simulator": "native"}
         if {key: summary.get(key, "native") for key in trained} == trained and summary["split"] in SPLITS:
             as_before = ("split", "guidance", "episodes", "paper_literal")
             _evaluate(run, place, folder, {key: summary[key] for key in as_before if key in summary})
@@ -86,5 +93,12 @@ def _evaluate_anew(run: Path, episodes: int) -> None:
 
 
 def _evaluate(run: Path, place: Place, out: Path, options: dict[str, Any]) -> None:
+    family = find_policy(run).family
     with counting_bar(f"evaluating {run}", "episodes") as show:
-        api.evaluate(run, scenario=place.load(), out=out, on_step=show, **options)
+        given = {"scenario": place.load(), "out": out, "on_step": show} | options
+        if family is None:
+            api.evaluate(run, **given)
+        else:
+            given |= {"robots": max(1, given["episodes"] // api.TASKS), "episodes": api.TASKS}
+            given.pop("paper_literal", None)
+            api.evaluate_family(run, family=family, **given)

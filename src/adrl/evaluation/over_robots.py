@@ -83,11 +83,10 @@ def worst_first(columns: Columns) -> NDArray[np.intp]:
 def robots_table(columns: Columns, summary: Summary, name: str) -> "Table":
     """The worst decile, and the worst robots with what draws them again. name: of the family, as the user gave it."""
     low, high = (summary[f"worst_decile_{end}"] for end in ("low", "high"))
-    decile = f"nine of ten robots have at least {100.0 * summary['worst_decile']:.1f} %"
+    decile = f"worst decile {100.0 * summary['worst_decile']:.1f} %"
     interval = "" if low is None else f" ({100.0 * low:.1f}-{100.0 * high:.1f})"
-    table = plain_table(
-        f"{summary['robots']} robots: {decile}{interval}; the worst are", "adrl robot NAME draws one"
-    )
+    note = "nine of ten robots reach the worst decile; adrl robot NAME draws one"
+    table = plain_table(f"{decile}{interval}, and the worst of {summary['robots']} robots", note)
     for heading in ("robot", "success %", "collision %", "m/s", "radius m", "view deg", "stops s"):
         table.add_column(heading, justify="left" if heading == "robot" else "right", no_wrap=True)
     for row in worst_first(columns)[:WORST]:

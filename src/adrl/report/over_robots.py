@@ -41,7 +41,10 @@ def _panel(axes: Axes, values: NDArray[np.float64], robots: Mapping[str, NDArray
     success, trials = robots["success"], robots["episodes"]
     axes.plot(values, 100.0 * success, ".", color=PALETTE[4], markersize=4, alpha=0.6)
     groups = max(1, min(GROUPS, len(values) // LEAST))
-    for rows in np.array_split(np.argsort(values, kind="stable"), groups):
+    # Robots of one number, as many LiDARs see a full circle, are of one group.
+    ends = np.unique(np.quantile(values, np.linspace(0.0, 1.0, groups + 1)[1:-1], method="lower"))
+    group = np.searchsorted(ends, values, side="left")
+    for rows in (np.flatnonzero(group == number) for number in np.unique(group)):
         rate = clustered_rate(np.rint(success[rows] * trials[rows]), trials[rows])
         ends = [[100.0 * (rate.estimate - rate.low)], [100.0 * (rate.high - rate.estimate)]]
         at = float(np.median(values[rows]))

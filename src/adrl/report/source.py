@@ -146,6 +146,7 @@ class _Trained(TypedDict, total=False):
     scenario: str
     guidance: str
     robot: _Name
+    family: _Name
     settings: _Learner
     train_seconds: float | None
     env_steps: int | None
@@ -225,12 +226,17 @@ def _run(folder: Path) -> Source:
     )
 
 
+def robot_of_run(config: Mapping[str, Any]) -> str:
+    """Name of the robot, or of the family, that a run's config.json says it was trained for."""
+    return str((config.get("family") or config.get("robot") or {}).get("name", "unknown"))
+
+
 def _run_facts(config: Mapping[str, Any]) -> dict[str, str]:
     """Of a finished run; a run that is going on has no config.json yet."""
     if not config:
         return {"state": "not finished"}
     facts = {key: str(config[key]) for key in ("method", "scenario", "guidance") if key in config}
-    facts["robot"] = str(config.get("robot", {}).get("name", "unknown"))
+    facts["robot"] = robot_of_run(config)
     learner = config.get("settings", {}).get("learner", {})
     if "seed" in learner:
         facts["seed"] = str(learner["seed"])

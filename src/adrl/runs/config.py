@@ -17,6 +17,7 @@ from adrl.ranges import Range
 from adrl.rewards.config import STANDING_AT_WORST
 from adrl.simulators import NATIVE, find_simulator
 from adrl.types import RobotConfig
+from adrl.worlds.families import RobotFamily
 from adrl.worlds.place import Place
 
 
@@ -24,8 +25,9 @@ from adrl.worlds.place import Place
 class RunConfig(Place):
     """A training run. Give steps or max_seconds in the learner's configuration."""
 
-    robot: Annotated[str | RobotConfig, tyro.conf.arg(constructor=str)] = "diffbot"
-    """A robot's name (adrl list), a TOML file, or the object."""
+    robot: Annotated[str | RobotConfig | RobotFamily, tyro.conf.arg(constructor=str)] = "diffbot"
+    """A robot's name (adrl list), a TOML file, or the object. A family, as any, gives each task a robot of its own, and
+    the policy is told of its body: see encoder."""
     method: Annotated[str | Method, tyro.conf.arg(constructor=str)] = "adrl"
     """A training method's name (adrl list), or the function."""
     paper_literal: bool = False

@@ -13,6 +13,7 @@ from adrl.deploy.training_worlds import training_worlds
 from adrl.imitation import recorded_worlds
 from adrl.imitation.best_planner import Trial
 from adrl.simulators import NATIVE
+from adrl.types import RobotConfig
 from adrl.worlds.given import training_fingerprints
 
 if TYPE_CHECKING:
@@ -45,7 +46,8 @@ def about_policy(
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next
         widths=learner.td3.widths,
-        robot=asdict(run.robot),
+        robot=asdict(run.robot) if isinstance(run.robot, RobotConfig) else {},
+        family={} if isinstance(run.robot, RobotConfig) else asdict(run.robot),
         encoder=run.encoder.fields(),
         guidance=run.guidance,
         method=name,
@@ -59,7 +61,7 @@ def about_policy(
                 **({"simulator": config.env} if config.env != NATIVE else {}),
                 **({"fine_tune": str(config.fine_tune)} if config.fine_tune is not None else {}),
                 **({PLANNER: planner.controller} if planner is not None else {}),
-                **({"taken_as": asdict(run.taken_as)} if run.taken_as != run.robot else {}),
+                **({"taken_as": asdict(run.taken_as)} if run.taken_as not in (None, run.robot) else {}),
                 **_worlds(run),
                 "replanner": asdict(run.replanner),
             },

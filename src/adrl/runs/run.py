@@ -2,8 +2,8 @@
 
 import functools
 import re
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -14,6 +14,7 @@ from adrl.agents.interface import Validation
 from adrl.agents.methods import method_name
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.envs import NavVectorEnv, Setting
+from adrl.errors import ConfigError
 from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Expert, find_expert
 from adrl.imitation.best_planner import Trial
@@ -22,9 +23,9 @@ from adrl.planning.replanner_config import ReplannerConfig
 from adrl.runs.config import RunConfig
 from adrl.runs.fine_tuning import Start
 from adrl.runs.record import about_policy
-from adrl.simulators import Simulator, find_simulator
+from adrl.simulators import NATIVE, Simulator, find_simulator
 from adrl.types import RobotConfig, Scenario, Task
-from adrl.worlds import load_robot, task_set
+from adrl.worlds import RobotFamily, load_robots, task_set
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -34,14 +35,15 @@ class Run:
     config: RunConfig
     """As it was asked for: sizes, budgets and files."""
     scenario: Scenario
-    robot: RobotConfig
+    robot: RobotConfig | RobotFamily
     learner: TrainConfig
     """As the method has it."""
     guidance: str
     replanner: ReplannerConfig
     encoder: EncoderConfig
-    taken_as: RobotConfig
-    """The robot as the policy takes it: another one where it began as another robot's."""
+    taken_as: RobotConfig | None
+    """The robot as the policy takes it: another one where it began as another robot's; None for a family, whose robots
+    are taken as they are."""
     expert: Expert
     simulator: Simulator | None
     """None for ours."""
@@ -54,7 +56,9 @@ class Run:
         """Look up all that the configuration names. Raises AdrlError."""
         start = None if config.fine_tune is None else Start.of(config.fine_tune)
         config = config if start is None else start.begun(config)
-        scenario, robot = config.load(), load_robot(config.robot)
+        scenario, robot = config.load(), load_robots(config.robot)
+        if isinstance(robot, RobotFamily):
+            config = _of_family(config, robot, start)
         guidance = config.resolved_guidance()
         return cls(
             config=config,
@@ -64,7 +68,7 @@ class Run:
             guidance=guidance,
             replanner=config.resolved_replanner(),
             encoder=config.encoder,
-            taken_as=robot if start is None else start.setup.taken_as(robot),
+            taken_as=_taken_as(robot, start),
             expert=find_expert(config.expert),
             simulator=find_simulator(config.env),
             start=start,
@@ -109,26 +113,34 @@ class Run:
         learner = self.learner
 
         @functools.cache
-        def tasks() -> list[Task]:
-            return task_set(self.scenario, self.robot, "validation", self.config.validation_episodes)
+        def tasks() -> tuple[list[Task], Sequence[RobotConfig]]:
+            count = self.config.validation_episodes
+            if isinstance(self.robot, RobotConfig):
+                return task_set(self.scenario, self.robot, "validation", count), (self.robot,)
+            robots = [self.robot.draw("validation", i) for i in range(count)]
+            drawn = [task_set(self.scenario, one, "validation", 1, first=i) for i, one in enumerate(robots)]
+            return [task for (task,) in drawn], robots
 
         def evaluate(policy: MlpPolicy, maturity: float) -> Validation:
+            driven, robots = tasks()
+            setting = Setting(
+                robot=robots[0],
+                guidance=self.guidance,
+                encoder=self.encoder,
+                replanner=self.replanner,
+                maturity=policy.config.maturity,
+                taken_as=self.taken_as,
+            )
             result = rollout(
                 policy,
-                tasks(),
-                Setting(
-                    robot=self.robot,
-                    guidance=self.guidance,
-                    encoder=self.encoder,
-                    replanner=self.replanner,
-                    maturity=policy.config.maturity,
-                    taken_as=self.taken_as,
-                ),
+                driven,
+                [replace(setting, robot=robot) for robot in robots],
+                kinds=[i % len(robots) for i in range(len(driven))],
                 num_threads=self.num_threads,
                 rewards=Rewards(config=learner.reward, gamma=learner.td3.gamma, maturity=maturity),
             )
             solved = result.episodes.success
-            limits_s = [task.time_limit_s for task in tasks()]
+            limits_s = [task.time_limit_s for task in driven]
             return Validation(
                 success=float(solved.mean()),
                 seconds=float(np.where(solved, result.episodes.time_s, limits_s).mean()),
@@ -139,7 +151,39 @@ class Run:
         return evaluate
 
 
-def _default_folder(config: RunConfig, scenario: Scenario, robot: RobotConfig, guidance: str) -> Path:
+REACH_M = 10.0
+"""Where the scale of the scan's distances ends for a policy of a family, if nothing else is said: farther is free."""
+
+
+def _of_family(config: RunConfig, family: RobotFamily, start: Start | None) -> RunConfig:
+    """The run of a family: the policy is told of the body, and metres read the same for all of its robots.
+
+    Raises ConfigError for a policy to begin with that is not, and for another simulator, which has one robot.
+    """
+    if config.env != NATIVE:
+        raise ConfigError(
+            f"robot {family.name} is a family, and {config.env} drives one robot; give one, or leave out env"
+        )
+    if start is not None and not start.setup.encoder.body:
+        raise ConfigError(
+            f"robot {family.name} is a family, and the policy of fine_tune is not told of the body: it was trained for "
+            f"robot {start.setup.robot and start.setup.robot.name}; leave out fine_tune, or give one robot"
+        )
+    encoder = config.encoder
+    if start is None:
+        encoder = replace(encoder, body=True, reach_m=REACH_M if encoder.reach_m is None else encoder.reach_m)
+    return replace(config, encoder=encoder)
+
+
+def _taken_as(robot: RobotConfig | RobotFamily, start: Start | None) -> RobotConfig | None:
+    if isinstance(robot, RobotFamily):
+        return None
+    return robot if start is None else start.setup.taken_as(robot)
+
+
+def _default_folder(
+    config: RunConfig, scenario: Scenario, robot: RobotConfig | RobotFamily, guidance: str
+) -> Path:
     """Its name tells what the run is."""
     parts = (method_name(config.method), scenario.name, robot.name, guidance)
     name = "-".join(re.sub(r"[^\w.-]+", "-", part) for part in parts)

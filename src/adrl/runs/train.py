@@ -25,6 +25,8 @@ from adrl.runs.config import RunConfig
 from adrl.runs.record import versions
 from adrl.runs.run import Run
 from adrl.signals import stop_requests
+from adrl.types import RobotConfig
+from adrl.worlds import RobotFamily
 
 LOG = logging.getLogger("adrl.runs")
 PROBE_STATES = 32
@@ -57,7 +59,8 @@ def train(
     elif resumed and config.guidance is None:
         guidance = checkpoint.settings(run.folder).get("guidance")
         run = Run.of(replace(config, guidance=guidance, out=run.folder))
-    strange = None if run.start is None else run.start.strange(run.robot)
+    alone = run.robot if isinstance(run.robot, RobotConfig) else None
+    strange = None if run.start is None or alone is None else run.start.strange(alone)
     if strange is not None:
         LOG.warning(strange)
     tell = _teller(config, on_progress, start_time_s)
@@ -111,7 +114,7 @@ def _teller(config: RunConfig, on_progress: Hook | None, start_time_s: float) ->
 
 def _robots(run: Run) -> AbstractContextManager[Body | None]:
     """What moves the robots of training, as a context; None for our simulator."""
-    if run.simulator is None:
+    if run.simulator is None or isinstance(run.robot, RobotFamily):
         return nullcontext()
     return run.simulator(run.robot, run.config.num_envs, seed=run.learner.seed)
 

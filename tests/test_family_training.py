@@ -1,0 +1,99 @@
+"""A training on the robots of a family, from the command line to the policy that drives each of them."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from adrl.deploy.policies import find_policy
+from adrl.errors import ConfigError
+from adrl.observation import EncoderConfig
+from adrl.runs import RunConfig
+from adrl.runs.run import REACH_M, Run
+from adrl.worlds import FAMILIES, ROBOTS
+from small_run import TRAIN, run_cli
+
+ANY = FAMILIES["any"]
+
+
+def test_a_run_of_a_family_tells_the_body_and_has_one_scale_of_metres():
+    run = Run.of(RunConfig(robot="any"))
+    assert run.robot == ANY
+    assert run.encoder == EncoderConfig(body=True, reach_m=REACH_M)
+    own = RunConfig(robot="any", encoder=EncoderConfig(history_steps=2, reach_m=6.0))
+    assert Run.of(own).encoder == EncoderConfig(history_steps=2, reach_m=6.0, body=True)
+    assert Run.of(RunConfig()).encoder == EncoderConfig(), "a run of one robot is as before"
+    assert run.folder == Path("runs/adrl-clutter-any-goal-s0")
+    about = run.about_policy()
+    assert about.robot == {}
+    assert about.family["name"] == "any"
+
+
+def test_each_task_has_a_robot_of_its_own_of_the_training_split():
+    env = Run.of(RunConfig(robot="any")).make_env(6, task_pool=6, seed=0)
+    assert [kind.robot.name for kind in env.kinds] == [f"any:train:{i}" for i in range(6)]
+    observation, _ = env.reset()
+    assert env.single_observation_space.shape == (env.sim.encoder.size,)
+    assert env.observation_space.contains(observation)
+    for _ in range(5):
+        observation = env.step(env.action_space.sample())[0]
+        assert env.observation_space.contains(observation)
+    assert env.sim.encoder.mirror is not None, "robots that are not symmetric mirror into each other"
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (
+            {"fine_tune": Path("default")},
+            "policy of fine_tune is not told of the body: it was trained for robot diffbot",
+        ),
+        ({"env": "gazebo"}, "robot any is a family, and gazebo drives one robot"),
+    ],
+    ids=["fine_tune", "env"],
+)
+def test_what_a_family_cannot_do_is_one_line(options: dict, told: str):
+    with pytest.raises(ConfigError, match=told) as caught:
+        Run.of(RunConfig(robot="any", **options))
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_one_command_trains_for_any_robot_and_goes_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    out = tmp_path / "run"
+    few = ("--robot", "any", "--eval-interval-steps", "4096", "--validation-episodes", "6")
+    assert run_cli(*TRAIN, *few, "--out", out) == 0
+    config = json.loads((out / "config.json").read_text())
+    assert config["settings"]["robot"] == config["family"]["name"] == "any"
+    policy = find_policy(out)
+    assert policy.family == ANY
+    assert policy.robot is None
+    assert policy.strange(ROBOTS["jackal"]) is None
+    drives = (
+        "--scenario",
+        "clutter",
+        "--robot",
+        "any",
+        "--robots",
+        "4",
+        "--episodes",
+        "1",
+        "--json",
+        tmp_path / "s.json",
+    )
+    assert run_cli("evaluate", "--policy", out, *drives) == 0
+    summary = json.loads((tmp_path / "s.json").read_text())
+    assert (summary["trained_for"], summary["warnings"]) == ("any", [])
+    assert (
+        run_cli(
+            "evaluate", "--policy", out, "--robot", "any:test:3", "--scenario", "clutter", "--episodes", "2"
+        )
+        == 0
+    )
+    longer = [word if word != "4096" else "6144" for word in TRAIN]
+    assert run_cli(*longer, *few, "--out", out, "--resume") == 0
+    assert json.loads((out / "config.json").read_text())["env_steps"] == 6144
+    other = np.array([run_cli(*longer, "--robot", "jackal", "--out", out, "--resume")])
+    assert other[0] == 2, "another robot is another run"
