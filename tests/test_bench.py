@@ -13,7 +13,15 @@ from scipy.ndimage import label
 
 from adrl.benchmarks.act import bench_act
 from adrl.benchmarks.learn import bench_learn, flops_per_update
-from adrl.benchmarks.plan import SIDE, _query, bench_controllers, bench_map, bench_replan, rate_key
+from adrl.benchmarks.plan import (
+    SIDE,
+    _query,
+    bench_car_paths,
+    bench_controllers,
+    bench_map,
+    bench_replan,
+    rate_key,
+)
 from adrl.benchmarks.sim import bench_sim
 from adrl.benchmarks.timing import median_seconds, rate_per_second
 from adrl.commands.bench import _gather
@@ -67,6 +75,12 @@ def test_plan(tmp_path: Path) -> None:
     across = bench_map(path, rounds=1)
     assert (across["map"], across["cells"], across["queries"]) == ("map.yaml", [120, 120], 50)
     assert 0.0 < across["median_ms"] <= across["p95_ms"]
+
+
+def test_the_paths_of_a_car_are_timed() -> None:
+    car = dataclasses.replace(load_robot("diffbot"), min_speed_mps=-0.3, min_turning_radius_m=0.5)
+    found = bench_car_paths(car, queries=3)
+    assert 0.0 < found["p50_ms"] <= found["p95_ms"]
 
 
 def test_plan_across_a_turned_map(tmp_path: Path) -> None:

@@ -11,7 +11,10 @@ from hypothesis import strategies as st
 
 from adrl import _core
 from adrl.deploy import Navigator, Supervisor, Twist
+from adrl.deploy.given_path import GivenPathGuide
+from adrl.deploy.guidance import View
 from adrl.deploy.recovery import MOST_TRIES, Recovery
+from adrl.planning.replanner import Replanner
 from adrl.types import RobotConfig, World
 from deploy.closed_loop import drive, obstacle_course, rid_of_noise
 from deploy.recorded import a_policy
@@ -146,3 +149,23 @@ def test_a_stuck_car_gets_away_in_the_closed_loop():
     sim, driven_m = drive(CAR, [walls], command, 250, make)
     assert not sim.b["collided"].any()
     assert driven_m[0] > 1.0
+
+
+def test_the_path_of_another_planner_is_followed_from_cusp_to_cusp():
+    """As those of Nav2's Smac planners, which turn back."""
+    forward = [(x, 0.0) for x in np.linspace(0.0, 2.0, 21)]
+    back = [(2.0 - 0.8 * math.sin(a), 0.8 - 0.8 * math.cos(a)) for a in np.linspace(0.0, 1.5, 16)[1:]]
+    guide = GivenPathGuide(Replanner(1, CAR), car=True)
+    guide.set_goal(np.array([*forward, *back]))
+    ranges = np.full((1, CAR.lidar.num_beams), CAR.lidar.max_range_m, np.float32)
+
+    def waypoint(x: float, y: float) -> tuple[float, float]:
+        view = View(ranges=ranges, reckoned=np.array([[x, y, 0.0]]), place=(x, y, 0.0), now_s=0.0)
+        return guide.head_for(view, back[-1]).waypoint
+
+    assert waypoint(0.0, 0.0) == pytest.approx((1.5, 0.0))
+    for x in (1.0, 1.6, 1.9):
+        assert waypoint(x, 0.0) == pytest.approx((2.0, 0.0))
+    assert waypoint(1.98, 0.0)[0] < 1.5
+    assert waypoint(2.2, 0.0)[0] < 1.5  # it has passed it
+    assert waypoint(1.9, 0.01)[0] < 1.5  # and is not led back to it

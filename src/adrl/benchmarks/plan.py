@@ -14,6 +14,8 @@ from adrl.benchmarks.timing import median_seconds, rate_per_second, require_roun
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
 from adrl.observation import in_robot_frame
+from adrl.planning.global_planner import plan
+from adrl.planning.grid import clearance_limit_m, free_space, planning_grid
 from adrl.planning.local_control import CONTROLLERS, DWA, LocalControl
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
@@ -65,6 +67,21 @@ def bench_controllers(
         **rates,
         "threads": sim.num_threads,
         "envs": num_envs,
+    }
+
+
+def bench_car_paths(robot: RobotConfig, *, queries: int = QUERIES) -> dict[str, Any]:
+    """Hybrid A* of a car on tasks of `complex`, each planned once, on one thread, its grid at hand. Times in ms."""
+    durations = []
+    for task in task_set(get_scenario("complex"), robot, "validation", queries):
+        space = free_space(planning_grid(task.world, clearance_limit_m(robot)), robot)
+        begin = time.perf_counter()
+        plan(task.world, task.start, task.goal, robot, space)
+        durations.append(time.perf_counter() - begin)
+    return {
+        "queries": queries,
+        "p50_ms": 1e3 * float(np.median(durations)),
+        "p95_ms": 1e3 * float(np.percentile(durations, 95)),
     }
 
 

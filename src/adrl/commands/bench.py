@@ -9,7 +9,7 @@ from adrl import files
 from adrl.benchmarks import fault_drives
 from adrl.benchmarks.act import bench_act, bench_runtime
 from adrl.benchmarks.faults import FAULTS
-from adrl.benchmarks.plan import bench_controllers, bench_map, bench_replan
+from adrl.benchmarks.plan import bench_car_paths, bench_controllers, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.commands.options import Runner, parse, subcommand
 from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
@@ -176,13 +176,16 @@ def _plan(arguments: Sequence[str]) -> int:
         "Local controllers' decisions a second, and planning across a map.",
     )
     require_file("--json", options.json)
+    robot = load_robot(options.robot)
     results = bench_controllers(
-        robot=load_robot(options.robot),
+        robot=robot,
         num_envs=options.envs,
         num_threads=options.threads,
         seconds=options.seconds,
         rounds=options.rounds,
     )
+    if robot.is_car:
+        results["car_path"] = bench_car_paths(robot)
     results["replan"] = bench_replan()
     results["policy_step"] = bench_act(load_policy(resolve_policy(DEFAULT)))
     if options.map is not None:

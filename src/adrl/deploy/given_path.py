@@ -26,19 +26,24 @@ REJOIN_M = 6.0
 DETOUR_M, DETOUR = 2.0, 2.0
 """The way round may be so many times as long as the piece of the path that it takes the place of, and so much longer.
 Beyond that another path is needed."""
+AT_CUSP_M = 0.05
+"""A car so near to a place of the path where it turns back has come to it."""
 NEARLY_M = 1.0
 """With so much of the path left the robot may arrive: a path may pass its own end before."""
 
 
 class GivenPathGuide(Guide):
     """Guidance `path`: the path leads, in the odometry's frame. The way round what blocks it is planned on the robot's
-    own map."""
+    own map. A car is led to no point beyond the next place where the path turns back before it has come there."""
 
     name = "path"
 
-    def __init__(self, replanner: Replanner) -> None:
-        """replanner: of one robot."""
+    def __init__(self, replanner: Replanner, *, car: bool = False) -> None:
+        """replanner: of one robot. car: whether that cannot turn on the spot."""
         self.replanner = replanner
+        self._car = car
+        self._cusps_m: Array = np.empty(0)
+        """Lengths of the path to where a car turns back."""
         self._path: Array = np.empty((0, 2))
         self._lengths_m: Array = np.empty(0)
         """(P,) from the path's begin to each of its points."""
@@ -72,6 +77,9 @@ class GivenPathGuide(Guide):
         self._path = np.asarray(path, dtype=np.float64)
         steps = np.hypot(*np.diff(self._path, axis=0).T)
         self._lengths_m = np.concatenate([[0.0], np.cumsum(steps)])
+        legs = np.diff(self._path[np.concatenate([[True], steps > 0.0])], axis=0)
+        corners_m = np.cumsum(np.hypot(*legs.T))[:-1]
+        self._cusps_m = corners_m[(legs[1:] * legs[:-1]).sum(axis=1) < 0.0] if self._car else np.empty(0)
 
     def forget(self) -> None:
         """See Guide: the map was of the other frame."""
@@ -114,10 +122,12 @@ class GivenPathGuide(Guide):
         return self.replanner.as_goals(towards) if self.replanner.following[0] else towards
 
     def _advance(self, here: Array) -> None:
-        """Find the robot on the path."""
-        self._along_m, off_m = _nearest(
-            self._path, self._lengths_m, here, self._along_m - BACK_M, self._along_m + WINDOW_M
-        )
+        """Find the robot on the path; a car on its way to the next cusp."""
+        last_m = max(self._cusps_m[self._cusps_m <= self._along_m], default=-math.inf)
+        least_m, most_m = max(self._along_m - BACK_M, last_m), min(self._along_m + WINDOW_M, self._led_to_m)
+        self._along_m, off_m = _nearest(self._path, self._lengths_m, here, least_m, most_m)
+        if self._led_to_m - self._along_m < AT_CUSP_M:
+            self._along_m = self._led_to_m
         self._left_m = float(self._lengths_m[-1]) - self._along_m + off_m
 
     def _target(self, here: Array) -> tuple[Array, float]:
@@ -133,8 +143,14 @@ class GivenPathGuide(Guide):
             beyond = next((k for k in range(first + 1, len(free)) if free[k] and free[k - 1]), None)
             if beyond is not None:
                 return points[beyond + 1], (beyond + 1) * STEP_M
-        *targets, nearest = self._at(begin + LOOKAHEAD_M * np.array([*PARTS, BLIND_PART]))
+        ahead = np.minimum(begin + LOOKAHEAD_M * np.array([*PARTS, BLIND_PART]), self._led_to_m)
+        *targets, nearest = self._at(ahead)
         return next((target for target in targets if self._sees(here, target)), nearest), 0.0
+
+    @property
+    def _led_to_m(self) -> float:
+        """Along the path, for a car: the next place where it turns back; infinite where there is none."""
+        return float(min(self._cusps_m[self._cusps_m > self._along_m], default=math.inf))
 
     def _at(self, along_m: Array) -> Array:
         """(M, 2) the points so far (M,) along the path."""

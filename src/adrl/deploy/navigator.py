@@ -123,7 +123,11 @@ class Navigator:
             self.guide = KnownMapGuide(world, self.robot, goal_tolerance_m)
         elif self.guidance in ("replan", PATH):
             replanner = Replanner(1, self._as_trained, found.replanner, maturity=found.maturity)
-            self.guide = (OwnMapGuide if self.guidance == "replan" else GivenPathGuide)(replanner)
+            self.guide = (
+                OwnMapGuide(replanner)
+                if self.guidance == "replan"
+                else GivenPathGuide(replanner, car=self.robot.is_car)
+            )
         if self.guidance == PATH:
             found.require_guidance("map")
         self._turn: FinalTurn | None = None
