@@ -63,6 +63,19 @@ def test_sim(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert len(rounds) == 3
     assert results["steps_per_second"] == sorted(rounds)[1] > 0.0
     assert results["peers"] == []
+    assert "mixed" not in results
+
+
+def test_robots_of_many_kinds_against_one_kind_a_batch(tmp_path: Path) -> None:
+    sizes = ("--envs", 8, "--beams", 12, "--obstacles", 5, "--seconds", 0.02, "--rounds", 2, "--threads", 1)
+    assert run_cli("bench", "sim", *sizes, "--robots", 3, "--json", tmp_path / "sim.json") == 0
+    mixed = json.loads((tmp_path / "sim.json").read_text())["mixed"]
+    assert mixed["robots"] == 3
+    for part in ("simulator", "environment"):
+        assert mixed[part]["steps_per_second"] > 0.0
+        assert mixed[part]["ratio"] > 0.0
+    assert mixed["environment"]["steps_per_second"] < mixed["simulator"]["steps_per_second"]
+    assert run_cli("bench", "sim", *sizes, "--robots", 0) == 2
 
 
 def test_plan(tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def _our_step(num_envs: int, num_threads: int, num_beams: int, num_obstacles: in
     robot = RobotConfig()
     robot = replace(robot, lidar=replace(robot.lidar, num_beams=num_beams))
     rng = np.random.default_rng(0)
-    tasks = [_task(rng, num_obstacles) for _ in range(WORLDS)]
+    tasks = [bench_task(rng, num_obstacles) for _ in range(WORLDS)]
     sim = NavSim(num_envs, robot, num_threads=num_threads)
     everyone = np.arange(num_envs)
     sim.reset(everyone, [tasks[i % WORLDS] for i in everyone], everyone.astype(np.uint64), rng)
@@ -89,7 +89,8 @@ def _our_step(num_envs: int, num_threads: int, num_beams: int, num_obstacles: in
     return sim, step
 
 
-def _task(rng: np.random.Generator, num_obstacles: int) -> Task:
+def bench_task(rng: np.random.Generator, num_obstacles: int) -> Task:
+    """Start in the middle of a square room with so many circles, and a goal in its corner."""
     bounds = (0.0, 0.0, SIZE_M, SIZE_M)
     middle = 0.5 * SIZE_M
     world = World(bounds=bounds, circles=circles(rng, num_obstacles), segments=enclosure(bounds))

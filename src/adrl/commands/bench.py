@@ -9,6 +9,7 @@ from adrl import files
 from adrl.benchmarks import fault_drives
 from adrl.benchmarks.act import bench_act, bench_runtime
 from adrl.benchmarks.faults import FAULTS
+from adrl.benchmarks.mixed import bench_mixed
 from adrl.benchmarks.plan import bench_car_paths, bench_controllers, bench_map, bench_replan
 from adrl.benchmarks.sim import bench_sim
 from adrl.commands.options import Runner, parse, subcommand
@@ -30,6 +31,8 @@ class SimOptions:
     """Beams of each robot's LiDAR."""
     obstacles: int = 40
     """Circles in each world, besides its four walls."""
+    robots: int = 1
+    """Above 1: also so many different robots side by side, against the same robots a kind a batch."""
     seconds: float = 1.0
     """Length of a round, s."""
     rounds: int = 5
@@ -165,6 +168,16 @@ def _sim(arguments: Sequence[str]) -> int:
         rounds=options.rounds,
         peers=options.peer_python,
     )
+    if options.robots != 1:
+        results["mixed"] = bench_mixed(
+            num_robots=options.robots,
+            num_envs=options.envs,
+            num_threads=options.threads,
+            num_beams=options.beams,
+            num_obstacles=options.obstacles,
+            seconds=options.seconds,
+            rounds=options.rounds,
+        )
     return _report(results, options.json)
 
 

@@ -104,6 +104,7 @@ class NavSim:
         self._table = KindRows.of(self.kinds, plans_itself=plans_itself)
         self.rows = self._table[self.b["kind"]]
         """What each row is at present."""
+        self._on_map, self._led = _agreed(self._table.on_map), _agreed(self._table.led)
         self._reach_as_known = bool((self._table.robot.max_range_m == self._table.known.max_range_m).all())
         configs = [sim_config(kind.robot, _led_by(kind, plans_itself)) for kind in self.kinds]
         natives = [(kind.robot.native, config) for kind, config in zip(self.kinds, configs, strict=True)]
@@ -211,7 +212,7 @@ class NavSim:
         """What an encoder takes: ranges, goal in the robot's frame, twist, last action, and the scans' history."""
         b = self.b
         # A known map comes with localisation; mapless robots only have their odometry.
-        pose = np.where(self.rows.on_map[rows, None], b["pose"][rows], b["odometry"][rows])
+        pose = _chosen(self._on_map, self.rows.on_map[rows], b["pose"][rows], b["odometry"][rows])
         goal = in_robot_frame(pose, b["waypoint"][rows])
         if self.replanner is not None:
             goal = self.replanner.as_goals(goal, rows)
@@ -224,7 +225,7 @@ class NavSim:
         """Execute (N, 2) normalised actions for one control period on every active robot."""
         b = self.b
         before_pose = b["pose"].copy()
-        before_guided = self._guided_pose()
+        before_guided = self._guided_pose().copy()
         before_waypoint = b["waypoint"].copy()
         before_distance = self._distance()
         self._last_action = np.clip(actions, -1.0, 1.0).astype(np.float32)
@@ -384,11 +385,11 @@ class NavSim:
         straight = np.hypot(*(self.b["waypoint"][rows] - self._guided_pose()[rows, :2]).T)
         if self.replanner is not None:
             straight += self.replanner.beyond_m[rows]
-        return np.where(self.rows.on_map[rows], self.b["route_left"][rows], straight)
+        return _chosen(self._on_map, self.rows.on_map[rows], self.b["route_left"][rows], straight).copy()
 
     def _guided_pose(self) -> Array:
-        """(N, 3) poses in the frame that waypoints are given in: replanned ones are in the odometry's. New."""
-        return np.where(self.rows.led[:, None], self.b["odometry"], self.b["pose"])
+        """(N, 3) poses in the frame that waypoints are given in: replanned ones are in the odometry's."""
+        return _chosen(self._led, self.rows.led, self.b["odometry"], self.b["pose"])
 
     def _coordinate_distance(self) -> Array:
         """(N,) metres from the robot's centre to the nearest obstacle's coordinates, for the literal eq 8.
@@ -433,6 +434,18 @@ class NavSim:
             "quantities": {name: quantity(self)[rows] for name, quantity in self._quantities.items()},
         }
         return Step(**(values | changes))
+
+
+def _agreed(mask: Mask) -> bool | None:
+    """What all kinds are, None where some are and some are not."""
+    return bool(mask[0]) if (mask == mask[0]).all() else None
+
+
+def _chosen(agreed: bool | None, mask: Mask, yes: Array, no: Array) -> Array:
+    """(N, ...) rows of yes where the mask (N,) is true, of no elsewhere; one of them itself where all kinds agree."""
+    if agreed is not None:
+        return yes if agreed else no
+    return np.where(mask.reshape(-1, *[1] * (yes.ndim - 1)), yes, no)
 
 
 def _led_by(kind: Kind, plans_itself: bool) -> str:
