@@ -148,7 +148,7 @@ def test_a_robot_that_the_policy_was_not_trained_for_is_guarded_as_it_is_and_sai
 ) -> None:
     with caplog.at_level(logging.WARNING, "adrl"):
         node = Node(robot="turtlebot3_waffle").run(1)
-    navigator = node.topics._driver.navigator
+    navigator = node.topics.driver.navigator
     assert navigator.robot == load_robot("turtlebot3_waffle")
     assert navigator.supervisor is not None
     assert navigator.supervisor.robot == navigator.robot

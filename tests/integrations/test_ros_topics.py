@@ -237,7 +237,7 @@ def test_a_command_that_took_long_to_make_is_not_sent(monkeypatch: pytest.Monkey
     node.run(3, 0.3)
     assert all(speed > 0.0 for speed in node.speeds()[1:])
     node.statuses()
-    navigator = node.topics._driver.navigator
+    navigator = node.topics.driver.navigator
     step, made = navigator.step, []
 
     def slow(*arguments: Any, **options: Any) -> Any:

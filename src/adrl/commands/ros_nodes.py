@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from importlib import import_module
 
 from adrl.commands.options import load_place, parse, subcommand
-from adrl.integrations.ros.config import NUMBERS, DriveConfig, SimConfig
+from adrl.integrations.ros.config import NUMBERS, ControllerConfig, DriveConfig, SimConfig
 
 Split = Callable[[Sequence[str]], tuple[Sequence[str], Sequence[str]]]
 """Arguments -> ours, and those of ROS."""
@@ -26,10 +26,19 @@ def run(command: str, split: Split, arguments: Sequence[str], example: str) -> i
         import_module(f"adrl.integrations.{command}.sim").sim(config, theirs)
         return 0
 
+    def controller(arguments: Sequence[str]) -> int:
+        ours, theirs = split(_apart(arguments))
+        about = "Follow the paths of Nav2's planners, in the place of its controller_server."
+        config = parse(ControllerConfig, ours, f"{command} controller", about)
+        import_module(f"adrl.integrations.{command}.controller").controller(config, theirs)
+        return 0
+
     kinds = {
         "drive": ("drive a robot to the goals it gets", drive),
         "sim": ("a simulated robot on the topics of one", sim),
     }
+    if command == "ros2":
+        kinds["controller"] = ("follow paths in the place of Nav2's controller_server", controller)
     return subcommand(command, "node", kinds, arguments, f"\nROS's own arguments go with them: {example}")
 
 

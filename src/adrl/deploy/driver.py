@@ -115,6 +115,25 @@ class Driver:
         return self._stops_left > 0
 
     @property
+    def goals(self) -> int:
+        """Goals that have come so far, refused ones among them."""
+        return self._goals
+
+    @property
+    def here(self) -> Pose | None:
+        """The robot by the newest odometry."""
+        newest = self._localisation.newest
+        return None if newest is None else newest.pose
+
+    @property
+    def here_on_map(self) -> Pose | None:
+        """The robot on the map, where that is known."""
+        here = self.here
+        if here is None or self._source == "odometry":
+            return here
+        return self._localisation.to_map(here) if self._localisation.known else None
+
+    @property
     def localised(self) -> bool:
         """Whether the robot's place on the map is known."""
         return self._source == "odometry" or self._localisation.known

@@ -14,7 +14,7 @@ import numpy as np
 
 from adrl.deploy.messages import Pose
 from adrl.errors import TransformError
-from adrl.geometry import level_mount
+from adrl.geometry import Array, level_mount
 
 LOG = logging.getLogger("adrl.driver")
 
@@ -75,11 +75,17 @@ def planar(transform: Transform) -> Pose:
     return transform.place[0], transform.place[1], math.atan2(ahead[1], ahead[0])
 
 
+def matrix(transform: Transform) -> tuple[Array, Array]:
+    """(3, 3) the frame's axes as columns, and (3,) its place: axes @ point + place is the point in the other frame."""
+    axes = np.array([_rotated(transform.turn, axis) for axis in np.eye(3).tolist()]).T
+    return axes, np.array(transform.place)
+
+
 def mount_of(transform: Transform) -> tuple[Pose, bool]:
     """Where a LiDAR of that frame sits on its robot, and whether upside down. Raises TransformError if tilted."""
-    axes = np.array([_rotated(transform.turn, axis) for axis in np.eye(3).tolist()]).T
+    axes, place = matrix(transform)
     try:
-        return level_mount(np.array(transform.place), axes)
+        return level_mount(place, axes)
     except ValueError as error:
         raise TransformError(f"the LiDAR {error}; mend its transform, or mount it level") from None
 

@@ -141,6 +141,16 @@ class Navigator:
         self._last: tuple[Pose, float] | None = None
         self._action = to_action(np.zeros((1, 2)), self._as_trained)
 
+    @property
+    def is_turning(self) -> bool:
+        """Whether the robot has arrived, and turns to the heading that the goal asks for."""
+        return self._turning
+
+    @property
+    def recoveries(self) -> int:
+        """Ways out that were taken since the navigator began."""
+        return 0 if self._recovery is None else self._recovery.ways
+
     @classmethod
     def load(cls, policy: str | os.PathLike[str], **options: Any) -> Self:
         """The navigator of a policy: a run folder, a name, a file or module:object; options are those of the

@@ -54,6 +54,8 @@ class Recovery:
 
     def __init__(self, supervisor: Supervisor) -> None:
         self._supervisor = supervisor
+        self.ways = 0
+        """That were taken, all together."""
         self.forget()
 
     def forget(self) -> None:
@@ -151,6 +153,7 @@ class Recovery:
         if count == 0 or self._tries >= MOST_TRIES:
             return None
         self._tries += 1
+        self.ways += 1
         self._stuck_at = self._stuck_at or pose
         return (self._tries - 1) % count
 

@@ -7,8 +7,10 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from adrl.deploy import Navigator, SupervisorConfig
-from adrl.deploy.driver import Driver
+from adrl.deploy import Navigator, Pose, SupervisorConfig
+from adrl.deploy.driver import Driver, Source
+from adrl.deploy.frames import Frames
+from adrl.deploy.navigator import PATH
 from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import DEFAULT
 from adrl.errors import ConfigError
@@ -19,44 +21,36 @@ from adrl.worlds.ros_map import Unknown
 
 LOG = logging.getLogger("adrl.driver")
 
-Config = TypeVar("Config", "DriveConfig", "SimConfig")
-Parameter = str | bool | int | float | list[float]
+Config = TypeVar("Config", "DriveConfig", "ControllerConfig", "SimConfig")
+Parameter = str | bool | int | float | list[float] | list[str]
 
-NUMBERS = {"mount": 3, "start": 3}
+NUMBERS = {"mount": 3, "start": 3, "heights": 2}
 """Settings that are None or so many numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveConfig:
-    """A policy that drives a robot to the goals it gets."""
+class RuntimeConfig:
+    """A policy that drives a robot: what the driving nodes have in common."""
 
     policy: str = DEFAULT
     """A shipped policy (adrl list), a run folder, model.onnx, an SB3 model.zip, or module:object of your own."""
     robot: str | None = None
     """The robot that is driven, a name (adrl list) or a TOML file, where the policy was trained for another:
     supervisor, LiDAR mount and recovery are this one's. As trained when left out."""
-    guidance: Literal["goal", "replan", "map"] | None = None
-    """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when blocked;
-    map: a waypoint on the A* path of the known map. map with a map, else as trained, which must not be map."""
-    map: Path | None = None
-    """YAML file of the ROS map of guidance map."""
-    unknown: Unknown = "solid"
-    """What cells of the map are that nothing has looked at: solid or free."""
-    localisation: Literal["pose", "odometry"] = "pose"
-    """Where the place on the map comes from: poses on topic amcl_pose, or the odometry, if its
-    frame is the map's."""
     odom_frame: str = "odom"
     """Frame of the odometry."""
     map_frame: str = "map"
     """Frame of the map."""
     base_frame: str = "base_link"
-    """Frame that stamped commands are in."""
-    stamped: bool = False
-    """Commands are TwistStamped instead of Twist."""
-    goal_tolerance_m: float = 0.3
-    """Distance to the goal at which it is reached, m."""
+    """Frame of the robot: stamped commands are in it, and the LiDAR's mount is given in it."""
+    transform_tolerance: float = 0.5
+    """With tf: seconds for which the newest transform still holds after its stamp."""
     mount: tuple[float, float, float] | None = None
-    """x (m), y (m), yaw (rad) of the LiDAR on the robot; the robot's own when left out."""
+    """x (m), y (m), yaw (rad) of the LiDAR on the robot; when left out, with tf by the transform to the scan's frame,
+    else the robot's own."""
+    heights: tuple[float, float] | None = None
+    """A sensor_msgs/PointCloud2 on topic cloud is the scan: its points between these two heights (m) above the robot's
+    frame. Needs tf."""
     zero_is_free: bool = False
     """A range of 0 means nothing in reach, as the LDS-01 has it."""
     nan_is_free: bool = False
@@ -65,26 +59,41 @@ class DriveConfig:
     """Control periods without a command after which the base stops by itself; the braking check allows for them."""
     recovery: bool = True
     """A robot that an obstacle holds for long turns to a free way by itself."""
+    show: bool = False
+    """Publish what RViz and Foxglove show: adrl/markers and, with guidance replan or path, adrl/map."""
 
-    def driver(self) -> Driver:
-        """Load all of it. Raises AdrlError."""
-        policy = find_policy(self.policy)
-        guidance = self.guidance or ("map" if self.map is not None else policy.guidance)
-        if guidance == "map" and self.map is None:
-            raise ConfigError(
-                f"policy {self.policy!r} drives with guidance map: give --map MAP.yaml, or --guidance goal or replan"
-            )
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.transform_tolerance <= 60.0:
+            raise ConfigError(f"transform_tolerance is {self.transform_tolerance}; give 0 to 60 seconds")
+        if self.heights is not None and not self.heights[0] < self.heights[1]:
+            raise ConfigError(f"heights are {self.heights}; give the lower one first")
+        if self.heights is not None and self.source != "tf":
+            raise ConfigError("heights need tf, which tells where the sensor is: give --localisation tf")
+
+    @property
+    def source(self) -> Source:
+        """Where the place on the map comes from."""
+        raise NotImplementedError
+
+    @property
+    def commands_are_stamped(self) -> bool:
+        """Whether they are TwistStamped instead of Twist."""
+        raise NotImplementedError
+
+    def driver(self, mount: Pose | None = None, frames: Frames | None = None) -> Driver:
+        """Load all of it. mount: of the LiDAR, as transforms tell it; frames: these. Raises AdrlError."""
+        raise NotImplementedError
+
+    def _driver(self, mount: Pose | None, frames: Frames | None, **options: Any) -> Driver:
+        """options: those of Navigator that not all nodes have."""
         navigator = Navigator(
-            policy,
-            guidance=guidance,
-            world=load_map(self.map, self.unknown) if self.map is not None else None,
             robot=load_robot(self.robot) if self.robot is not None else None,
-            mount=self.mount,
+            mount=self.mount or mount,
             zero_is_free=self.zero_is_free,
             nan_is_free=self.nan_is_free,
-            goal_tolerance_m=self.goal_tolerance_m,
             supervisor=SupervisorConfig(hold_periods=self.watchdog_periods),
             recovery=self.recovery,
+            **options,
         )
         if navigator.other_robot is not None:
             LOG.warning("%s", navigator.other_robot)
@@ -92,8 +101,101 @@ class DriveConfig:
             navigator,
             odom_frame=self.odom_frame,
             map_frame=self.map_frame,
-            localisation=self.localisation,
+            localisation=self.source,
+            frames=frames or Frames(tolerance_s=self.transform_tolerance),
         )
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveConfig(RuntimeConfig):
+    """A policy that drives a robot to the goals it gets."""
+
+    guidance: Literal["goal", "replan", "map"] | None = None
+    """goal: the policy sees the final goal; replan: the same, and waypoints on a map of its own scans when blocked;
+    map: a waypoint on the A* path of the known map. map with a map, else as trained, which must not be map."""
+    map: Path | None = None
+    """YAML file of the ROS map of guidance map."""
+    unknown: Unknown = "solid"
+    """What cells of the map are that nothing has looked at: solid or free."""
+    localisation: Source = "pose"
+    """Where the place on the map comes from: poses on topic amcl_pose; tf, the transform from the map's frame to the
+    odometry's; or the odometry, if its frame is the map's."""
+    stamped: bool = False
+    """Commands are TwistStamped instead of Twist."""
+    goal_tolerance_m: float = 0.3
+    """Distance to the goal at which it is reached, m."""
+    goal_yaw: bool = False
+    """Turn to the goal's heading on arrival."""
+    yaw_goal_tolerance: float = 0.25
+    """Of that heading, rad."""
+
+    @property
+    def source(self) -> Source:
+        """See RuntimeConfig."""
+        return self.localisation
+
+    @property
+    def commands_are_stamped(self) -> bool:
+        """See RuntimeConfig."""
+        return self.stamped
+
+    def driver(self, mount: Pose | None = None, frames: Frames | None = None) -> Driver:
+        """See RuntimeConfig."""
+        policy = find_policy(self.policy)
+        guidance = self.guidance or ("map" if self.map is not None else policy.guidance)
+        if guidance == "map" and self.map is None:
+            raise ConfigError(
+                f"policy {self.policy!r} drives with guidance map: give --map MAP.yaml, or --guidance goal or replan"
+            )
+        return self._driver(
+            mount,
+            frames,
+            policy=policy,
+            guidance=guidance,
+            world=load_map(self.map, self.unknown) if self.map is not None else None,
+            goal_tolerance_m=self.goal_tolerance_m,
+            yaw_tolerance_rad=self.yaw_goal_tolerance,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ControllerConfig(RuntimeConfig):
+    """A policy that follows the paths of Nav2's planners, in the place of its controller_server. Parameters of Nav2
+    that mean the same have the same names."""
+
+    enable_stamped_cmd_vel: bool = False
+    """Commands are TwistStamped instead of Twist."""
+    speed_limit_topic: str = "speed_limit"
+    """Topic of nav2_msgs/SpeedLimit."""
+    failure_tolerance: float = 2.0
+    """Seconds for which the robot may be held before its goal is aborted; 0 at once, -1 never."""
+    costmap_update_timeout: float = 2.0
+    """The same where it is held because scans or odometry are missing, or not to be believed."""
+    bond_heartbeat_period: float = 0.25
+    """Seconds between two signs of life to Nav2's lifecycle manager; 0 for none."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (self.failure_tolerance >= 0.0 or self.failure_tolerance == -1.0):
+            raise ConfigError(f"failure_tolerance is {self.failure_tolerance}; give seconds, or -1 for ever")
+        if not self.costmap_update_timeout >= 0.0:
+            raise ConfigError(f"costmap_update_timeout is {self.costmap_update_timeout}; give seconds")
+        if not 0.0 <= self.bond_heartbeat_period <= 2.0:
+            raise ConfigError(f"bond_heartbeat_period is {self.bond_heartbeat_period}; give 0 to 2 seconds")
+
+    @property
+    def source(self) -> Source:
+        """See RuntimeConfig."""
+        return "tf"
+
+    @property
+    def commands_are_stamped(self) -> bool:
+        """See RuntimeConfig."""
+        return self.enable_stamped_cmd_vel
+
+    def driver(self, mount: Pose | None = None, frames: Frames | None = None) -> Driver:
+        """See RuntimeConfig."""
+        return self._driver(mount, frames, policy=self.policy, guidance=PATH)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,6 +227,8 @@ class SimConfig(Place):
     """Frame of its LiDAR, which sits where the robot's mount is."""
     localised: bool = True
     """Publish amcl_pose: where the robot is."""
+    tf: bool = False
+    """Publish transforms too: map -> odom -> base, and the LiDAR's mount."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -19,9 +19,9 @@ STATUS = "diagnostic_msgs/msg/DiagnosticStatus"
 
 @cache
 def message_class(kind: str) -> Any:
-    """Of a name such as "geometry_msgs/msg/Pose", in the generation that is on the path."""
-    package, _, name = kind.partition("/msg/")
-    return getattr(import_module(f"{package}.msg"), name)
+    """Of a name such as "geometry_msgs/msg/Pose", in the generation that is on the path. Raises ImportError."""
+    package, folder, name = kind.split("/")
+    return getattr(import_module(f"{package}.{folder}"), name)
 
 
 def new_message(kind: str, /, **fields: Any) -> Any:

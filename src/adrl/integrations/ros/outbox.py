@@ -9,7 +9,7 @@ from typing import Any
 from adrl.bags.messages import New, path, twist
 from adrl.deploy import Twist
 from adrl.deploy.driver import Report
-from adrl.integrations.ros.config import DriveConfig
+from adrl.integrations.ros.config import RuntimeConfig
 from adrl.integrations.ros.messages import status_message
 
 PLAN_S = 0.5
@@ -25,7 +25,7 @@ class Outbox:
 
     def __init__(
         self,
-        config: DriveConfig,
+        config: RuntimeConfig,
         robot: str,
         publish: Mapping[str, Publish],
         header: Callable[[float, str], Any],
@@ -49,15 +49,21 @@ class Outbox:
         self._plan_of: int | None = None
         """Number of the goal whose plan is on display."""
 
-    def deliver(self, report: Report, now_s: float) -> None:
-        """Publish what is due."""
+    def deliver(self, report: Report, now_s: float, *, silent: bool = False) -> None:
+        """Publish what is due. silent: but no command."""
         with self._lock:
             if self._closed:
                 return
-            if report.send:
+            if report.send and not silent:
                 self._command(report.command.twist, now_s)
             self._tell(report, now_s)
             self._show_plan(report, now_s)
+
+    def stand(self, now_s: float) -> None:
+        """Tell the base to stand."""
+        with self._lock:
+            if not self._closed:
+                self._command((0.0, 0.0), now_s)
 
     def close(self, now_s: float, *, stand: bool) -> None:
         """Publish nothing more, whatever thread is on its way; before that, with stand, tell the base to stand."""
@@ -69,7 +75,7 @@ class Outbox:
     def _command(self, speeds: Twist, now_s: float) -> None:
         """Tell the base."""
         message = twist(self._new, speeds)
-        if self._config.stamped:
+        if self._config.commands_are_stamped:
             header = self._header(now_s, self._config.base_frame)
             message = self._new("geometry_msgs/msg/TwistStamped", header=header, twist=message)
         self._publish["cmd_vel"](message)

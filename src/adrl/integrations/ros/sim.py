@@ -5,11 +5,13 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from adrl.bags.messages import New, laser_scan, odometry, pose_with_covariance
+from adrl.bags.messages import New, laser_scan, odometry, pose_with_covariance, transform_stamped
+from adrl.geometry import compose, inverse
 from adrl.integrations.ros.config import SimConfig
 from adrl.integrations.ros.messages import new_message
 from adrl.integrations.ros.outbox import Publish
 from adrl.integrations.ros.robot import SimulatedRobot
+from adrl.integrations.ros.transforms import TF
 
 LOG = logging.getLogger("adrl.sim")
 
@@ -17,7 +19,7 @@ NAME = "adrl_sim"
 """Of the node."""
 PATIENCE_S = 0.02
 """With speed 0 the simulator waits so long for a command."""
-LATCHED = ("amcl_pose", "collisions")
+LATCHED = ("amcl_pose", "collisions", "/tf_static")
 """Topics whose last message is for whoever comes late."""
 
 
@@ -29,6 +31,13 @@ PUBLICATIONS = {
     "collisions": "std_msgs/msg/UInt32",
 }
 """Topic -> kind of message."""
+TRANSFORMS = dict.fromkeys(TF, "tf2_msgs/msg/TFMessage")
+"""The same, of transforms, where they are wanted."""
+
+
+def publications(config: SimConfig) -> dict[str, str]:
+    """Topic -> kind of message."""
+    return PUBLICATIONS | (TRANSFORMS if config.tf else {})
 
 
 def subscription(config: SimConfig) -> str:
@@ -55,9 +64,13 @@ class SimTopics:
         self._robot = robot
         self._free = config.speed == 0.0
         self._advanced_s = time.monotonic()
+        self._mount_told = False
         self._count()
         x, y, yaw = robot.pose
-        names = [*(name for name in PUBLICATIONS if name != "amcl_pose" or config.localised), "cmd_vel"]
+        names = [
+            *(name for name in publications(config) if name != "amcl_pose" or config.localised),
+            "cmd_vel",
+        ]
         LOG.info(
             "robot %s at (%.2f, %.2f, %.2f) in %s; topics %s (in)",
             *(robot.robot.name, x, y, yaw, config.map_frame, ", ".join(names)),
@@ -97,8 +110,25 @@ class SimTopics:
         if config.localised:
             at = pose_with_covariance(new, robot.pose)
             publish["amcl_pose"](new(PUBLICATIONS["amcl_pose"], header=on_map, pose=at))
+        if config.tf:
+            self._tell_frames(in_odom, on_map)
         lidar, period_s = robot.robot.lidar, robot.robot.control_period_s
         publish["scan"](laser_scan(new, in_scan, lidar, robot.ranges, period_s))
+
+    def _tell_frames(self, in_odom: Any, on_map: Any) -> None:
+        """map -> odom -> base; and once the LiDAR on it."""
+        robot, config, new = self._robot, self._config, self._new
+        told = robot.odometry.pose
+        links = [
+            transform_stamped(new, in_odom, config.base_frame, told),
+            transform_stamped(new, on_map, config.odom_frame, compose(robot.pose, inverse(told))),
+        ]
+        self._publish["/tf"](new(TRANSFORMS["/tf"], transforms=links))
+        if not self._mount_told:
+            self._mount_told = True
+            at = self._header(robot.time_s, config.base_frame)
+            mount = transform_stamped(new, at, config.scan_frame, robot.robot.lidar.mount)
+            self._publish["/tf_static"](new(TRANSFORMS["/tf_static"], transforms=[mount]))
 
     def _count(self) -> None:
         self._publish["collisions"](self._new(PUBLICATIONS["collisions"], data=self._robot.collisions))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from adrl.integrations.ros.config import SimConfig
 from adrl.integrations.ros.robot import SimulatedRobot
-from adrl.integrations.ros.sim import LATCHED, NAME, PUBLICATIONS, SimTopics, subscription
+from adrl.integrations.ros.sim import LATCHED, NAME, SimTopics, publications, subscription
 from adrl.integrations.ros1 import node as ros
 
 
@@ -13,7 +13,7 @@ def sim(config: SimConfig, ros_arguments: Sequence[str]) -> None:
     with ros.a_node(NAME, config, ros_arguments) as (rospy, config):
         publish = {
             topic: ros.publisher(rospy, topic, kind, latched=topic in LATCHED)
-            for topic, kind in PUBLICATIONS.items()
+            for topic, kind in publications(config).items()
         }
         with SimulatedRobot.of(config) as robot:
             topics = SimTopics(config, robot, publish, ros.header)

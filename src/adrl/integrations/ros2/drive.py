@@ -1,37 +1,64 @@
 """adrl ros2 drive: a node that drives a robot to the goals it gets."""
 
+import logging
 from collections.abc import Sequence
+from typing import Any
 
+from adrl.errors import MissingExtra
+from adrl.integrations.ros.actions import Actions
 from adrl.integrations.ros.config import DriveConfig
 from adrl.integrations.ros.drive import LATCHED, NAME, DriveTopics, publications
+from adrl.integrations.ros.navigate import ACTION, NavigateToPose
 from adrl.integrations.ros2 import node as ros
+from adrl.integrations.ros2.action_server import serve
 
-SENSORS = ("scan", "odom")
+LOG = logging.getLogger("adrl.driver")
+
+SENSORS = ("scan", "odom", "cloud")
 """Topics of which the newest message counts, and a lost one is lost."""
+QOS = dict.fromkeys(SENSORS, ros.SENSOR) | dict.fromkeys(LATCHED, ros.LATCHED) | ros.TRANSFORMS
 
 
 def drive(config: DriveConfig, ros_arguments: Sequence[str]) -> None:
     """Run the node until it is told to end. Raises AdrlError."""
     with ros.a_node(NAME, ros_arguments) as node:
         config = ros.configure(node, config)
+        if config.source == "tf":
+            ros.require("tf2_msgs")
         publish = {
             topic: ros.publisher(node, topic, kind, latched=topic in LATCHED)
             for topic, kind in publications(config).items()
         }
         clock = node.get_clock()
+
+        def now_s() -> float:
+            return 1e-9 * clock.now().nanoseconds
+
         topics = DriveTopics(
             config,
             publish,
-            now_s=lambda: 1e-9 * clock.now().nanoseconds,
+            now_s=now_s,
             seconds=ros.seconds,
             header=ros.header,
             simulated=bool(node.get_parameter("use_sim_time").value),
         )
-        for topic, (kind, take) in topics.subscriptions().items():
-            qos = ros.SENSOR if topic in SENSORS else ros.LATCHED if topic in LATCHED else ros.RELIABLE
-            ros.subscribe(node, topic, kind, take, qos)
+        subscribe_all(node, topics)
+        task = NavigateToPose(topics, ros.header, config.map_frame, turns=config.goal_yaw)
+        try:
+            ros.require("nav2_msgs")
+            serve(node, ACTION, "navigate_to_pose", Actions(topics, task), now_s, lambda: True)
+        except MissingExtra as missing:
+            LOG.info("without the action navigate_to_pose: %s", missing)
         node.create_timer(topics.tick_s, topics.tick, clock=ros.steady_clock())
         try:
             ros.spin(node)
         finally:
             topics.stop()
+
+
+def subscribe_all(node: Any, topics: DriveTopics) -> list[Any]:
+    """Have a driving node's messages taken. Returns rclpy's subscriptions."""
+    return [
+        ros.subscribe(node, topic, kind, take, QOS.get(topic, ros.RELIABLE))
+        for topic, (kind, take) in topics.subscriptions().items()
+    ]

@@ -4,6 +4,7 @@ import logging
 import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from typing import Any
 
 from adrl.errors import MissingExtra
@@ -36,6 +37,10 @@ except ImportError as error:
 RELIABLE = QoSProfile(depth=1)
 SENSOR = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+TRANSFORMS = {
+    "/tf": QoSProfile(depth=100),
+    "/tf_static": QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL),
+}
 OVERRIDABLE = QoSOverridingOptions((QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY, QoSPolicyKind.DEPTH))
 """By parameters qos_overrides.TOPIC.subscription.reliability and the like."""
 
@@ -44,11 +49,13 @@ WAIT_S = 0.1
 
 
 @contextmanager
-def a_node(name: str, ros_arguments: Sequence[str]) -> Iterator[Any]:
+def a_node(
+    name: str, ros_arguments: Sequence[str], make: Callable[[str], Any] = rclpy.create_node
+) -> Iterator[Any]:
     """A node with the arguments from --ros-args on, for as long as the context lasts."""
     # Signals are ours: a context that has shut down could no longer tell the base to stop.
     rclpy.init(args=["adrl", *ros_arguments], signal_handler_options=SignalHandlerOptions.NO)
-    node = rclpy.create_node(name)
+    node = make(name)
     log = node.get_logger()
     log_to(
         {  # rclpy holds each place that logs to one level
@@ -64,28 +71,51 @@ def a_node(name: str, ros_arguments: Sequence[str]) -> Iterator[Any]:
         rclpy.try_shutdown()
 
 
+def require(*packages: str) -> None:
+    """Raises MissingExtra where interfaces are missing."""
+    for package in packages:
+        try:
+            import_module(package)
+        except ImportError as error:
+            raise MissingExtra(
+                f"{error}: install ROS 2's package {package.replace('_', '-')}, or run make ros2 in the source, which "
+                "generates it"
+            ) from None
+
+
 def configure(node: Any, config: Config) -> Config:
     """The settings with the values of the node's parameters, which cannot be changed later. Raises ConfigError."""
+    return with_parameters(config, reader(node))
+
+
+def reader(node: Any) -> Callable[[str, Parameter], Any]:
+    """Declares a parameter with a default, and tells its value."""
     descriptor = ParameterDescriptor(read_only=True, dynamic_typing=True)
 
     def get(name: str, default: Parameter) -> Any:
-        # An empty list has no type that ROS could infer.
-        value = node.declare_parameter(name, None if default == [] else default, descriptor).value
+        if not node.has_parameter(name):
+            # An empty list has no type that ROS could infer.
+            node.declare_parameter(name, None if default == [] else default, descriptor)
+        value = node.get_parameter(name).value
         return default if value is None else value
 
-    return with_parameters(config, get)
+    return get
 
 
 def publisher(node: Any, topic: str, kind: str, *, latched: bool = False) -> Publish:
     """Publishes on a topic."""
-    qos = LATCHED if latched else RELIABLE
-    made = node.create_publisher(message_class(kind), topic, qos, qos_overriding_options=OVERRIDABLE)
-    return made.publish
+    return create_publisher(node, topic, kind, latched=latched).publish
 
 
-def subscribe(node: Any, topic: str, kind: str, take: Callable[[Any], None], qos: Any) -> None:
-    """Have a topic's messages taken."""
-    node.create_subscription(message_class(kind), topic, take, qos, qos_overriding_options=OVERRIDABLE)
+def create_publisher(node: Any, topic: str, kind: str, *, latched: bool = False) -> Any:
+    """rclpy's."""
+    qos = TRANSFORMS.get(topic, LATCHED if latched else RELIABLE)
+    return node.create_publisher(message_class(kind), topic, qos, qos_overriding_options=OVERRIDABLE)
+
+
+def subscribe(node: Any, topic: str, kind: str, take: Callable[[Any], None], qos: Any) -> Any:
+    """Have a topic's messages taken. Returns rclpy's subscription."""
+    return node.create_subscription(message_class(kind), topic, take, qos, qos_overriding_options=OVERRIDABLE)
 
 
 def seconds(stamp: Any) -> float:

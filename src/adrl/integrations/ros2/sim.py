@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from adrl.integrations.ros.config import SimConfig
 from adrl.integrations.ros.robot import SimulatedRobot
-from adrl.integrations.ros.sim import LATCHED, NAME, PUBLICATIONS, SimTopics, subscription
+from adrl.integrations.ros.sim import LATCHED, NAME, SimTopics, publications, subscription
 from adrl.integrations.ros2 import node as ros
 
 
@@ -14,7 +14,7 @@ def sim(config: SimConfig, ros_arguments: Sequence[str]) -> None:
         config = ros.configure(node, config)
         publish = {
             topic: ros.publisher(node, topic, kind, latched=topic in LATCHED)
-            for topic, kind in PUBLICATIONS.items()
+            for topic, kind in publications(config).items()
         }
         with SimulatedRobot.of(config) as robot:
             topics = SimTopics(config, robot, publish, ros.header)
