@@ -122,7 +122,7 @@ class Ros:
             theirs += [f"{name}:={topic}" for name, topic in remaps.items()]
             theirs += [f"__ns:={namespace}"] if namespace else []
         else:
-            pairs = [("-p", "use_sim_time:=true")] if kind == "drive" else []
+            pairs = [("-p", "use_sim_time:=true")] if kind != "sim" else []
             pairs += [("-p", parameter) for parameter in parameters]
             pairs += [("-r", f"{name}:={topic}") for name, topic in remaps.items()]
             pairs += [("-r", f"__ns:={namespace}")] if namespace else []

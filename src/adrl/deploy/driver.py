@@ -340,9 +340,13 @@ class Driver:
             what = "guidance map needs" if self._on_map else f"a goal in {self._map_frame!r} needs"
             raise NotLocalised(
                 f"{what} the robot's place on the map, and "
-                + (self._lost or "no localisation has told it: start one that publishes poses (amcl_pose)")
+                + (self._lost or f"no localisation has told it: start one that publishes {self._told_by}")
                 + ("" if self._on_map else f"; or give the goal in {self._odom_frame!r}")
             )
+
+    @property
+    def _told_by(self) -> str:
+        return "transforms (/tf), and odometry" if self._source == "tf" else "poses (amcl_pose)"
 
     def _in_navigators_frame(self) -> tuple[tuple[float, float], Array | None, float | None]:
         """Goal, path and heading in the frame of the odometry, with guidance `map` in the map's."""

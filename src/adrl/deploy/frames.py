@@ -209,7 +209,7 @@ class Frames:
             )
         if later == len(stamps_s):
             age_s = stamp_s - stamps_s[-1]
-            if age_s > self._tolerance_s:
+            if age_s > self._tolerance_s + 1e-6:
                 raise TransformError(
                     f"{name} is stale: it is {age_s:.2f} s old, and {self._tolerance_s:g} s are allowed "
                     f"(transform_tolerance); see what publishes it"

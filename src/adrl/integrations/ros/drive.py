@@ -5,10 +5,11 @@ import logging
 import math
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from adrl.bags.messages import New
-from adrl.deploy import Scan
+from adrl.deploy import Odometry, Scan
 from adrl.deploy.driver import Driver, Report
 from adrl.deploy.frames import Frames
 from adrl.errors import GoalRefused, TransformError
@@ -73,6 +74,8 @@ class DriveTopics:
         self._sensor = Sensor(config, self.frames, navigator.robot.lidar)
         self.heed: list[Callable[[Report, float], None]] = []
         """Called with each report, and when it is of, after what it says has been published."""
+        self._heard: tuple[Odometry, str] | None = None
+        """The newest odometry, and its frame."""
         self.active = True
         """Whether commands are published at all."""
         self._outbox = Outbox(
@@ -157,6 +160,8 @@ class DriveTopics:
             return None
         if mount is not None:
             self.driver = self._config.driver(mount, self.frames)
+            if self._heard is not None:
+                self.driver.take_odometry(*self._heard)
         return scan
 
     def _take_transforms(self, message: Any, static: bool) -> None:
@@ -171,13 +176,14 @@ class DriveTopics:
         self._publish(report, now_s)
 
     def _publish(self, report: Report, now_s: float) -> None:
-        self._outbox.deliver(report, now_s, silent=not self.active)
+        self._outbox.deliver(report if self.active else replace(report, send=False), now_s)
         for heed in self.heed:
             heed(report, now_s)
 
     def _take_odometry(self, message: Any) -> None:
         odometry = odometry_of(message, self._stamp_s("odom", message.header))
-        self.driver.take_odometry(odometry, getattr(message.header, "frame_id", ""))
+        self._heard = (odometry, getattr(message.header, "frame_id", ""))
+        self.driver.take_odometry(*self._heard)
 
     def _take_pose(self, message: Any) -> None:
         header = message.header

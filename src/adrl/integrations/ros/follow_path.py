@@ -168,7 +168,8 @@ class FollowPath:
             return
         if self._held_s is None or now_s < self._held_s:
             self._held_s = now_s
-        reason: Reason = report.command.reasons[0]
+        reasons = report.command.reasons
+        reason: Reason = "not_localised" if "not_localised" in reasons else reasons[0]
         of_sensors = reason.startswith(OF_SENSORS)
         patience_s = self._config.costmap_update_timeout if of_sensors else self._config.failure_tolerance
         if now_s - self._held_s < patience_s or patience_s == -1.0:

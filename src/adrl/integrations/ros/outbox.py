@@ -49,12 +49,12 @@ class Outbox:
         self._plan_of: int | None = None
         """Number of the goal whose plan is on display."""
 
-    def deliver(self, report: Report, now_s: float, *, silent: bool = False) -> None:
-        """Publish what is due. silent: but no command."""
+    def deliver(self, report: Report, now_s: float) -> None:
+        """Publish what is due."""
         with self._lock:
             if self._closed:
                 return
-            if report.send and not silent:
+            if report.send:
                 self._command(report.command.twist, now_s)
             self._tell(report, now_s)
             self._show_plan(report, now_s)

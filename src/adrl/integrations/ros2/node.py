@@ -115,7 +115,16 @@ def create_publisher(node: Any, topic: str, kind: str, *, latched: bool = False)
 
 def subscribe(node: Any, topic: str, kind: str, take: Callable[[Any], None], qos: Any) -> Any:
     """Have a topic's messages taken. Returns rclpy's subscription."""
-    return node.create_subscription(message_class(kind), topic, take, qos, qos_overriding_options=OVERRIDABLE)
+
+    def take_all(message: Any) -> None:
+        """What waits behind it, too: else transforms are older than other messages wherever the node was held up."""
+        take(message)
+        while (more := made.handle.take_message(made.msg_type, made.raw)) is not None:
+            take(more[0])
+
+    call = take_all if topic in TRANSFORMS else take
+    made = node.create_subscription(message_class(kind), topic, call, qos, qos_overriding_options=OVERRIDABLE)
+    return made
 
 
 def seconds(stamp: Any) -> float:
