@@ -1,6 +1,7 @@
 """Our nodes where Nav2 expects its own: real processes, real DDS, a client that does as its behaviour tree does."""
 
 import math
+import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -222,8 +223,8 @@ def test_the_navigator_is_an_action_too_and_turns_where_it_is_told_to(ros2: Ros)
     end = ended(probe, at)
     assert (end["status"], end["code"]) == (ABORTED, 0)
     assert "another goal" in end["message"]
-    first = probe.order(navigate=[x, y, 0.0], frame="odom")
-    at = probe.wait(is_at_speed, first)
+    first = probe.order(navigate=home, frame="odom")
+    at = probe.wait(is_at_speed, probe.wait(lambda e: e["topic"] == "taken", first))
     probe.order(cancel=True)
     cancelling = probe.wait(lambda e: e["topic"] == "cancelling", at)
     assert ended(probe, at)["status"] == CANCELED
@@ -232,3 +233,20 @@ def test_the_navigator_is_an_action_too_and_turns_where_it_is_told_to(ros2: Ros)
     assert (end["status"], end["code"]) == (ABORTED, 9002)
     assert node.end() == 0
     assert [event["count"] for event in probe.of("collisions")] == [0]
+
+
+def test_the_parameters_of_the_page_are_read(ros2: Ros) -> None:
+    """From a file, as Nav2's users have them; its goal checker and no other."""
+    page = (SOURCE / "docs" / "how-to" / "nav2.md").read_text()
+    text = re.search(r"```yaml title=\"controller_server.*?\n(.*?)```", page, re.DOTALL)
+    assert text is not None
+    file = ros2.folder / "nav2_params.yaml"
+    file.write_text("\n".join(line.removeprefix("   ") for line in text[1].splitlines()))
+    ros2.node("sim", "--scenario", "complex", "--speed", "2", "--tf")
+    adrl = [str(ros2.python), "-m", "adrl.cli", "ros2", "controller", "--policy", "nothing"]
+    ros2.start("controller", [*adrl, "--ros-args", "-p", "use_sim_time:=true", "--params-file", str(file)])
+    probe = active(ros2)
+    end = ended(probe, probe.order(follow=PATH, goal_checker_id="goal_checker"))
+    assert (end["status"], end["code"]) == (ABORTED, 100)
+    assert "known: general_goal_checker" in end["message"]
+    probe.wait(is_at_speed, probe.order(follow=PATH, goal_checker_id="general_goal_checker"))

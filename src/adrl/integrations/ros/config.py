@@ -59,8 +59,6 @@ class RuntimeConfig:
     """Control periods without a command after which the base stops by itself; the braking check allows for them."""
     recovery: bool = True
     """A robot that an obstacle holds for long turns to a free way by itself."""
-    show: bool = False
-    """Publish what RViz and Foxglove show: adrl/markers and, with guidance replan or path, adrl/map."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.transform_tolerance <= 60.0:
