@@ -331,3 +331,14 @@ def test_what_is_not_there_cannot_be_moved(tmp_path: Path) -> None:
     desk = Desk(tmp_path)
     assert "discs[0]" in desk.ask(do="move", kind="discs", index=0, dx=1.0, dy=0.0)["errors"][0]
     assert "unknown fault" in desk.ask(do="fault", name="rain")["errors"][0]
+
+
+def test_people_walk_where_they_are_asked_for(tmp_path: Path) -> None:
+    desk = Desk(tmp_path)
+    assert desk.turns(1)["lanes"][0]["people"] == []
+    desk.ask(do="choose", policies=["default"], place="clutter", people=5)
+    before = desk.turns(1)["lanes"][0]["people"]
+    assert len(before) == 3 * 5
+    assert desk.turns(10)["lanes"][0]["people"] != before
+    desk.ask(do="pillar", x=0.5, y=0.5)  # they walk on
+    assert len(desk.turns(1)["lanes"][0]["people"]) == 3 * 5

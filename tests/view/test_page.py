@@ -83,7 +83,7 @@ def choose(tab: Tab, task: str = "0", **names: str) -> None:
     for name, value in names.items():
         tab.page.locator(f"#{name}").select_option(value)
     tab.page.locator("#task").fill(task)
-    tab.page.get_by_role("button", name="Start").click()
+    tab.page.locator("#start").click()
     lanes = 2 if names.get("second") else 1
     expect(tab.page.locator("canvas.world")).to_have_count(lanes, timeout=PATIENCE_MS)
     wait_until(lambda: tab.time_s < 30.0, PATIENCE_MS / 1000)
@@ -251,7 +251,7 @@ def test_two_policies_drive_side_by_side(tab: Tab) -> None:
 def test_a_bad_choice_is_said_on_the_page(tab: Tab) -> None:
     tab.page.locator("#place-choice").select_option("\u2026")
     tab.page.get_by_label("map, world or folder").last.fill("nowhere.yaml")
-    tab.page.get_by_role("button", name="Start").click()
+    tab.page.locator("#start").click()
     expect(tab.page.locator("#banner")).to_contain_text("nowhere.yaml", timeout=PATIENCE_MS)
     tab.moves_on()
     tab.page.reload()

@@ -9,7 +9,9 @@ from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import ConfigError
 
 
-def policy_of(vector: jax.Array, sizes: networks.Sizes, config: PolicyConfig) -> MlpPolicy:
+def policy_of(
+    vector: jax.Array | NDArray[np.float32], sizes: networks.Sizes, config: PolicyConfig
+) -> MlpPolicy:
     """The policy of parameters (P,), in memory of its own. Waits for the update that makes them."""
     *hidden, (weight, bias) = networks.unflatten(np.array(vector), sizes)
     return MlpPolicy([*hidden, (weight.T, bias)], config)

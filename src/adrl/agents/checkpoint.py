@@ -8,7 +8,7 @@ A kill between any two system calls leaves the newest complete folder or the one
 """
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, NotRequired, TypedDict
@@ -75,16 +75,18 @@ def save(run: Path, env_steps: int, state: Mapping[str, Any], parts: Mapping[str
     return final
 
 
-def load(run: Path) -> Checkpoint | None:
-    """The newest checkpoint of a run folder, or None. Raises CheckpointError naming the bad file."""
+def load(run: Path, parts: Collection[str] | None = None) -> Checkpoint | None:
+    """The newest checkpoint of a run folder, or None. parts: those that are read, all when None.
+
+    Raises CheckpointError naming the bad file.
+    """
     folders = _complete(run / FOLDER)
     if not folders:
         return None
     path = folders[-1]
     state = _read_state(path / STATE_FILE)
-    return Checkpoint(
-        path, state, {part: _read_arrays(path / f"{part}.safetensors") for part in state["parts"]}
-    )
+    wanted = [part for part in state["parts"] if parts is None or part in parts]
+    return Checkpoint(path, state, {part: _read_arrays(path / f"{part}.safetensors") for part in wanted})
 
 
 def settings(run: Path) -> dict[str, Any]:

@@ -3,17 +3,26 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
+import tyro
+
+from adrl.agents import checkpoint
+from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, SCAN_TOPIC
 from adrl.commands.options import load_place, parse
 from adrl.commands.progress import console
-from adrl.deploy.policy import DEFAULT
-from adrl.errors import ConfigError
+from adrl.deploy.policies import DEFAULT_ROBOT
+from adrl.deploy.policy import CONFIG_FILE, DEFAULT
+from adrl.errors import CheckpointError, ConfigError, FileError
+from adrl.imitation import BagTopics
 from adrl.outputs import require_folder
+from adrl.report.source import read_run
 from adrl.view.choices import Offer
 from adrl.view.drive import Drive
 from adrl.view.messages import Choose
+from adrl.view.recording import Replay
 from adrl.view.show import Show
+from adrl.worlds import SCENARIOS, load_robot
 from adrl.worlds.place import Place
 
 
@@ -21,6 +30,18 @@ from adrl.worlds.place import Place
 class ViewOptions(Place):
     """What to look at. On the page all of it can be chosen anew."""
 
+    run: Annotated[Path | None, tyro.conf.Positional] = None
+    """Folder of a training run: its policy drives where it was trained."""
+    follow: bool = False
+    """Watch the run as it goes on: its curves, and its newest policy driving."""
+    bag: Path | None = None
+    """Replay a ROS 1 bag or the folder of a ROS 2 bag instead (extra bags); --robot is the one that drove."""
+    scan_topic: str = SCAN_TOPIC
+    """Topic of the bag's scans."""
+    odometry_topic: str = ODOMETRY_TOPIC
+    """Topic of its odometry."""
+    command_topic: str = COMMAND_TOPIC
+    """Topic of its commands."""
     policy: tuple[str, ...] = (DEFAULT,)
     """One or two that drive: a shipped policy (adrl list), a run folder, model.onnx, an SB3 model.zip, module:object of
     your own, or 'by hand'."""
@@ -48,7 +69,7 @@ def main(arguments: Sequence[str]) -> int:
     # Before anything is loaded: without its extra there is no page.
     from adrl.view.server import serve
 
-    show = _drive(options)
+    show = _show(options)
     try:
         serve(show, port=options.port, token=options.token, tell=_tell)
     finally:
@@ -62,22 +83,56 @@ def _tell(address: str) -> None:
     console().print("open this address in a browser on this machine; Ctrl+C ends")
 
 
-def _drive(options: ViewOptions) -> Show:
-    if not 1 <= len(options.policy) <= 2:
-        raise ConfigError(f"{len(options.policy)} policies; give one, or two to drive side by side")
-    load_place(options)
-    text = next((str(place) for place in (options.map, options.world, options.barn) if place), None)
-    text = text or options.scenario or "clutter"
+def _show(options: ViewOptions) -> Show:
+    """Raises AdrlError."""
+    if options.follow and options.run is None:
+        raise ConfigError("--follow watches a training run; give its folder: adrl view RUN --follow")
+    if options.bag is not None:
+        if options.run is not None:
+            raise ConfigError("give a run or --bag, not both")
+        topics = BagTopics(
+            scan=options.scan_topic, odometry=options.odometry_topic, command=options.command_topic
+        )
+        return Replay(options.bag, load_robot(options.robot or DEFAULT_ROBOT), topics)
+    policies = options.policy
+    if options.run is not None:
+        policies = (str(options.run), *policies[1:])
+    if not 1 <= len(policies) <= 2:
+        raise ConfigError(f"{len(policies)} policies; give one, or two to drive side by side")
+    place = options if options.run is None or _names_a_place(options) else _place_of(options.run)
+    load_place(place)
+    text = next((str(path) for path in (place.map, place.world, place.barn) if path), None)
+    text = text or str(place.scenario or "clutter")
     offer = Offer(
-        policies=options.policy,
+        policies=() if options.follow else policies,
         robots=() if options.robot is None else (options.robot,),
-        places={text: options},
+        places={text: place},
     )
     choice = Choose(
-        policies=options.policy,
+        policies=policies,
         robot=options.robot or "",
         place=text,
         guidance=options.guidance or "",
+        people=place.people,
         task=options.task,
     )
+    if options.run is not None and options.follow:
+        from adrl.view.training import Training
+
+        return Training(options.run, offer, choice, options.out)
     return Drive(offer, choice, options.out)
+
+
+def _names_a_place(options: ViewOptions) -> bool:
+    return any(place is not None for place in (options.scenario, options.map, options.world, options.barn))
+
+
+def _place_of(run: Path) -> Place:
+    """Where a run trains, as far as its files say it. Raises AdrlError."""
+    if (run / CONFIG_FILE).exists():
+        try:
+            return Place.of(read_run(run).get("settings", {}))
+        except FileError as error:
+            raise CheckpointError(f"{run / CONFIG_FILE}: settings {error}; restore the file") from None
+    scenario = (checkpoint.settings(run).get("environment") or {}).get("scenario")
+    return Place(scenario=scenario) if scenario in SCENARIOS else Place()

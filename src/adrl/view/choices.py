@@ -1,7 +1,7 @@
 """What drives where: what the page offers, and what becomes of a choice."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,23 +25,27 @@ class Offer:
 
     policies: tuple[str, ...] = ()
     robots: tuple[str, ...] = ()
+    loaded: Mapping[str, ResolvedPolicy] = field(default_factory=dict)
+    """Policies that are there already: name -> policy."""
     places: dict[str, Place] = field(default_factory=dict)
     """As the page calls each."""
 
     def content(self) -> dict[str, list[str]]:
         """The names that the page lists."""
         return {
-            "policies": _once([*self.policies, *SHIPPED, *offered("policy"), BY_HAND]),
+            "policies": _once([*self.loaded, *self.policies, *SHIPPED, *offered("policy"), BY_HAND]),
             "robots": _once([*self.robots, *ROBOTS, *offered("robot")]),
             "places": _once([*self.places, *SCENARIOS, *offered("scenario")]),
             "guidance": list(GUIDANCE),
         }
 
-    def policy(self, text: str) -> str:
-        """The same, if a page may name it: code is what the command names. Raises ConfigError."""
+    def policy(self, text: str) -> ResolvedPolicy:
+        """By name; code is what the command names, and no page. Raises AdrlError."""
+        if text in self.loaded:
+            return self.loaded[text]
         if ":" in text and text not in self.policies:
             raise ConfigError(f"policy {text!r} is code; give it to the command: adrl view --policy {text}")
-        return text
+        return find_policy(text)
 
     def place(self, text: str) -> Place:
         """Raises ConfigError."""
@@ -73,7 +77,7 @@ class Chosen:
 
 def resolve(choice: Choose, offer: Offer) -> Chosen:
     """Raises AdrlError."""
-    found = [None if text == BY_HAND else find_policy(offer.policy(text)) for text in choice.policies]
+    found = [None if text == BY_HAND else offer.policy(text) for text in choice.policies]
     robot = load_robot(choice.robot) if choice.robot else _own_robot(found)
     hands: list[ByHand] = []
     policies: list[ResolvedPolicy] = []
@@ -82,7 +86,10 @@ def resolve(choice: Choose, offer: Offer) -> Chosen:
             hands.append(ByHand(robot))
             policy = find_policy(hands[-1])
         policies.append(policy)
-    scenario = offer.place(choice.place).load()
+    place = offer.place(choice.place)
+    if place.people != choice.people:
+        place = replace(place, people=choice.people)
+    scenario = place.load()
     split = "train" if hands else "test"
     return Chosen(
         robot=robot,

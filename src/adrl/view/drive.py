@@ -46,7 +46,7 @@ class Drive:
 
     def __init__(self, offer: Offer, choice: Choose, out: Path) -> None:
         """out: where recorded demonstrations are saved. Raises AdrlError."""
-        self._offer, self._out = offer, out
+        self.offer, self._out = offer, out
         self._pace = Pace()
         self._fault = "none"
         self._recorder: Recorder | None = None
@@ -54,7 +54,7 @@ class Drive:
         self._saved: list[Path] = []
         self.version = 0
         """Counts up when pages are to be told all anew."""
-        self._take_choice(choice)
+        self.choose(choice)
 
     # --- what pages ask for -------------------------------------------------------------------------------------
 
@@ -78,7 +78,7 @@ class Drive:
     def _take(self, message: Message, now_s: float) -> None:
         match message:
             case messages.Choose():
-                self._take_choice(message)
+                self.choose(message)
             case messages.Restart():
                 self._begin(self._chosen, self.choice)
             case messages.Goal() | messages.Move() | messages.Pillar():
@@ -109,8 +109,9 @@ class Drive:
                 circles = np.vstack([self._world.circles, [[message.x, message.y, PILLAR_M]]])
                 self._set_world(replace(self._world, circles=circles))
 
-    def _take_choice(self, choice: Choose) -> None:
-        chosen, recorder = resolve(choice, self._offer), self._recorder
+    def choose(self, choice: Choose) -> None:
+        """The drive begins anew with what is chosen. Raises AdrlError, and leaves all as it was."""
+        chosen, recorder = resolve(choice, self.offer), self._recorder
         fits = recorder is None or (recorder.robot, recorder.scenario.name) == (
             chosen.robot,
             chosen.scenario.name,
@@ -196,21 +197,26 @@ class Drive:
 
     def _drive_on(self, now_s: float) -> None:
         for _ in self._pace.steps(now_s):
-            if all(lane.over for lane in self.lanes):
+            if self.over:
                 if self._recording:
                     self._next_task()
                 return
             for lane in self.lanes:
                 lane.step()
 
+    @property
+    def over(self) -> bool:
+        """Whether nothing will move a robot but a new goal."""
+        return all(lane.over for lane in self.lanes)
+
     def _next_task(self) -> None:
-        self._take_choice(structs.replace(self.choice, task=self.choice.task + 1))
+        self.choose(structs.replace(self.choice, task=self.choice.task + 1))
 
     def setup(self) -> dict[str, Any]:
         """All that a page needs to begin, with what has been driven so far."""
         return {
             "kind": self.kind,
-            "offer": self._offer.content(),
+            "offer": self.offer.content(),
             "choice": structs.asdict(self.choice),
             "robot": self._chosen.robot.name,
             "split": self._chosen.split,

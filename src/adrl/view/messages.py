@@ -33,6 +33,8 @@ class Choose(_Ask, frozen=True, tag="choose"):
     """Empty: the first policy's own."""
     guidance: Name = ""
     """Empty: as trained."""
+    people: Annotated[int, Meta(ge=0, le=64)] = 0
+    """So many walk there, beside those that the place has of its own."""
     task: Annotated[int, Meta(ge=0, le=1_000_000)] = 0
     """Its number in the split."""
 

@@ -40,7 +40,7 @@ QUEUED = 40
 """Frames that wait for a slow page; then it is told all anew."""
 CLOSING_S = 1
 """Pages have so long to say good-bye."""
-SCRIPTS = ("link.js", "lanes.js", "pointer.js", "hand.js", "controls.js", "main.js")
+SCRIPTS = ("link.js", "lanes.js", "pointer.js", "hand.js", "controls.js", "training.js", "main.js")
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src data: blob:; "
     "connect-src 'self' {lines}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"

@@ -32,13 +32,16 @@ function buildChoices() {
   const place = picker('Place', 'place-choice', { other: 'map, world or folder' });
   const guidance = picker('Guidance', 'guidance', { none: 'as trained' });
   const task = el('input', { type: 'number', id: 'task', min: 0, step: 1 });
-  const start = el('button', { type: 'submit', class: 'button primary' }, 'Start');
+  const people = el('input', { type: 'number', id: 'people', min: 0, max: 64, step: 1 });
+  const start = el('button', { type: 'submit', class: 'button primary', id: 'start' }, 'Start');
+  const whole = (input) => Math.max(0, Math.round(Number(input.value) || 0));
   const choose = (changes = {}) => ask({
     do: 'choose', policies: [policy.value, second.value].filter(Boolean), robot: robot.value, place: place.value,
-    guidance: guidance.value, task: Math.max(0, Math.round(Number(task.value) || 0)), ...changes,
+    guidance: guidance.value, task: whole(task), people: whole(people), ...changes,
   });
   const form = el('form', { class: 'choices', onsubmit: (event) => { event.preventDefault(); choose(); } },
-    policy.element, second.element, robot.element, place.element, guidance.element, el('label', {}, 'Task', task), start);
+    policy.element, second.element, robot.element, place.element, guidance.element,
+    el('label', {}, 'More people', people), el('label', {}, 'Task', task), start);
   document.getElementById('choices').append(form);
   return {
     choose,
@@ -49,6 +52,7 @@ function buildChoices() {
       place.fill(offer.places, choice.place);
       guidance.fill(offer.guidance, choice.guidance);
       task.value = choice.task;
+      people.value = choice.people;
     },
   };
 }

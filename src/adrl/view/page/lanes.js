@@ -131,12 +131,13 @@ link.listeners.push({
   setup(setup) {
     const before = stage.setup && JSON.stringify(stage.setup.world?.bounds);
     Object.assign(stage, { setup, world: setup.world });
-    if (before !== JSON.stringify(setup.world.bounds)) {
+    if (setup.world && before !== JSON.stringify(setup.world.bounds)) {
       const [x0, y0, x1, y1] = setup.world.bounds;
       stage.follow = remembered.get('follow', Math.max(x1 - x0, y1 - y0) > BIG_M);
     }
     stage.lanes = setup.lanes.map((about, i) => buildLane(about, i, setup));
-    document.getElementById('stage').replaceChildren(el('div', { class: setup.lanes.length > 1 ? 'lanes two' : 'lanes' }, ...stage.lanes.map((lane) => lane.element)));
+    const empty = el('p', { class: 'note' }, 'No policy drives yet: the run has no checkpoint. A shorter --checkpoint-interval-steps brings the first one earlier.');
+    document.getElementById('stage').replaceChildren(setup.lanes.length ? el('div', { class: setup.lanes.length > 1 ? 'lanes two' : 'lanes' }, ...stage.lanes.map((lane) => lane.element)) : empty);
     document.documentElement.dataset.kind = setup.kind;
     document.querySelectorAll('[data-for]').forEach((node) => { node.hidden = !node.dataset.for.split(' ').includes(setup.kind); });
   },
