@@ -8,6 +8,8 @@
 
 #include <doctest/doctest.h>
 
+#include "planning/car_planner.hpp"
+#include "planning/grid.hpp"
 #include "planning/route_planner.hpp"
 #include "random.hpp"
 #include "sim_fixture.hpp"
@@ -127,6 +129,34 @@ TEST_CASE("a route allocates nothing, whatever the window") {
         }
         CHECK(allocated == 0);
         CHECK(longest > kSide / 2);
+    }
+}
+
+TEST_CASE("a car's path allocates nothing, and is the same again") {
+    constexpr int kSide = 200;
+    constexpr double kResolution = 0.05;
+    // Two walls with a gap each.
+    const std::vector<double> walls{3.0, 0.0, 3.0, 7.0, 6.0, 3.0, 6.0, 10.0};
+    const World world({}, {}, {}, walls, {}, nullptr, 0, 0, 1.0, {});
+    std::vector<float> clearance(kSide * kSide);
+    clearance_field(world, {0.0, 0.0, kSide, kSide, kResolution}, 1.0, clearance.data());
+    const std::vector<Vec2> corners{{0.3, 0.2}, {-0.3, 0.2}, {-0.3, -0.2}, {0.3, -0.2}};
+    for (const double radius : {0.5, 1.5}) {
+        const CarModel model({{norm(corners[0]), corners}, radius, true, 0.1}, kResolution);
+        CarPlanner planner(kSide, kSide, kResolution);
+        std::vector<Pose> first;
+        for (int k = 0; k < 3; ++k) {
+            const long before = allocations.load();
+            CHECK(planner.plan(model, {clearance.data(), {0.0, 0.0}}, {1.0, 1.0, 2.0}, {9.0, 9.0}));
+            CHECK(allocations.load() == before);
+            if (k == 0) first = planner.poses();
+            REQUIRE(planner.poses().size() == first.size());
+            for (std::size_t i = 0; i < first.size(); ++i) {
+                CHECK(planner.poses()[i].x == first[i].x);
+                CHECK(planner.poses()[i].y == first[i].y);
+            }
+        }
+        CHECK(first.size() > 10);
     }
 }
 
