@@ -55,6 +55,16 @@ def test_the_constants_that_drove_are_found(true: dict[str, float]) -> None:
         assert getattr(fit.robot, name) == pytest.approx(true[name], rel=0.05)
 
 
+def test_those_of_a_car_are_found() -> None:
+    """Its yaw rate is held back by its speed, which is no weakness of its base."""
+    nominal = replace(load_robot("diffbot"), min_speed_mps=-0.6, min_turning_radius_m=0.5)
+    true = dict(lag_s=0.12, max_acceleration_mps2=1.0, max_yaw_acceleration_radps2=3.0)
+    fit = calibrate(driven(replace(nominal, **true)), nominal)
+    assert (fit.error_after < 0.3 * fit.error_before).all()
+    for name, value in true.items():
+        assert getattr(fit.robot, name) == pytest.approx(value, rel=0.1)
+
+
 def test_drives_survive_a_file(tmp_path: Path) -> None:
     drives = driven(load_robot("diffbot"), periods=12, robots=2)
     drives.save(tmp_path / "d.csv")

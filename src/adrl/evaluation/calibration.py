@@ -102,6 +102,10 @@ class _Fit:
         self.longest_latency_s = (history - 1) * dt
         low = (robot.min_speed_mps, -robot.max_yaw_rate_radps)
         command = np.clip(drives.command, low, self.scales)
+        self._curve_m = robot.min_turning_radius_m
+        if robot.is_car:  # as the base takes a command that it cannot steer
+            most = np.abs(command[:, 0]) / self._curve_m
+            command[:, 1] = np.clip(command[:, 1], -most, most)
         before, after, commands = [], [], []
         for drive in np.unique(drives.drive):
             rows = np.flatnonzero(drives.drive == drive)
@@ -137,6 +141,9 @@ class _Fit:
                 response = 1.0 - np.exp(-span / lag_s) if lag_s > 0.0 else 1.0
                 change = response * (self._commands[:, due, axis] - value)
                 value = value + np.clip(change, -acceleration * span, acceleration * span)
+        if axis == 1 and self._curve_m > 0.0:
+            most = np.abs(self._after[:, 0]) / self._curve_m
+            value = np.clip(value, -most, most)
         return float(np.sqrt(((value - self._after[:, axis]) ** 2).mean()))
 
     def errors(self, robot: RobotConfig) -> Array:
