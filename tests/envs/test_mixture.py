@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,12 +10,12 @@ import pytest
 from gymnasium.utils.env_checker import data_equivalence
 
 from adrl.envs import Kind, Mixture, NavEnv, NavVectorEnv
-from adrl.errors import ConfigError, UnknownName
+from adrl.errors import ConfigError, TaskError, UnknownName
 from adrl.imitation.best_planner import best_planner
 from adrl.imitation.demonstrations import collect
 from adrl.imitation.experts import find_expert
 from adrl.rewards.step import reference_period_s
-from adrl.types import GUIDANCE
+from adrl.types import GUIDANCE, RobotConfig, Task
 from adrl.worlds import FAMILIES, ROBOTS, get_scenario, task_set
 
 MIXED: dict[str, Any] = {
@@ -155,3 +156,36 @@ def test_what_is_missing_or_of_several_is_said() -> None:
             getattr(env, attribute)
     with pytest.raises(ConfigError, match="no robots"):
         Mixture(robots=(), guidances=("goal",), scenarios=(get_scenario("clutter"),))
+
+
+class Narrow:
+    """Large robots have no task in it."""
+
+    name = "narrow"
+
+    def task(self, rng: np.random.Generator, robot: RobotConfig) -> Task:
+        if robot.circumscribed_radius_m > 0.35:
+            raise TaskError(
+                f"no place has the clearance that robot {robot.name!r} needs; take a smaller robot"
+            )
+        return get_scenario("clutter").task(rng, robot)
+
+
+def test_a_robot_that_fits_nowhere_gives_its_task_to_the_next_and_is_named(caplog: pytest.LogCaptureFixture):
+    env = NavVectorEnv(8, scenario=Narrow(), robot="any", task_pool=8, seed=0)
+    env.reset()
+    kept = [env.kinds[env.kind_of_task(i)].robot for i in range(8)]
+    drawn = [FAMILIES["any"].draw("train", i) for i in range(8)]
+    large = [robot for robot in drawn if robot.circumscribed_radius_m > 0.35]
+    assert 0 < len(large) < 8
+    for i, robot in enumerate(drawn):
+        expected = next(r for r in drawn[i:] + drawn[:i] if r not in large)
+        assert kept[i] == expected, robot.name
+    for robot in large:
+        assert f"robot {robot.name} is left out of task" in caplog.text
+    for row, index in enumerate(env.task_index):
+        assert env.sim.kinds[env.sim.b["kind"][row]].robot == kept[index]
+    with pytest.raises(TaskError, match="'jackal' needs"):
+        NavVectorEnv(
+            2, scenario=Narrow(), robot=replace(ROBOTS["jackal"], radius_m=0.5, footprint_m=None), seed=0
+        ).reset()

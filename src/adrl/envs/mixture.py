@@ -1,5 +1,6 @@
 """Pools of tasks, of one robot in one kind of place or of a mixture of both."""
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,9 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.envs.kinds import Kind
-from adrl.errors import ConfigError
+from adrl.errors import ConfigError, TaskError
 from adrl.types import RobotConfig, Scenario, Task
 from adrl.worlds import task_set
+
+LOG = logging.getLogger("adrl.envs")
+MOST_TRIES = 32
+"""Robots that are tried for one task."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +49,11 @@ class Mixture:
 
 @dataclass(eq=False)
 class TaskPool:
-    """The first `size` tasks of a split, each made when it is first asked for. Copies share what is made."""
+    """The first `size` tasks of a split, each made when it is first asked for. Copies share what is made.
+
+    Where the robots are several and a task's own has none, as it fits through no gap there, the next robot that has one
+    takes its place, which the log says.
+    """
 
     mixture: Mixture
     split: str
@@ -52,7 +61,7 @@ class TaskPool:
     kinds: tuple[Kind, ...] = field(init=False)
     """Those that the tasks are of."""
     kind: NDArray[np.intp] = field(init=False)
-    """(size,) which of the kinds each task is of, by its number."""
+    """(size,) which of the kinds each task is of, by its number; known for good once the task is made."""
 
     def __post_init__(self) -> None:
         if self.size < 1:
@@ -65,11 +74,25 @@ class TaskPool:
         self._tasks: dict[int, Task] = {}
 
     def __getitem__(self, index: int) -> Task:
-        """Task `index` of the split."""
+        """Task `index` of the split. Raises TaskError where no robot has one."""
         if index not in self._tasks:
-            robot = self.kinds[self.kind[index]].robot
-            self._tasks[index] = task_set(self._scenarios[index], robot, self.split, 1, first=index)[0]
+            self.kind[index], self._tasks[index] = self._made(index)
         return self._tasks[index]
+
+    def _made(self, index: int) -> tuple[int, Task]:
+        """A task, and the kind that it is of."""
+        tries = min(self.size, MOST_TRIES) if len(self.kinds) > 1 else 1
+        for number in (np.arange(index, index + tries) % self.size).tolist():
+            kind, _ = self.mixture.entry(number)
+            try:
+                task = task_set(self._scenarios[number], kind.robot, self.split, 1, first=number)[0]
+            except TaskError as error:
+                if tries == 1 or number == (index + tries - 1) % self.size:
+                    raise
+                LOG.warning("robot %s is left out of task %d: %s", kind.robot.name, number, error)
+            else:
+                return self.kinds.index(kind), task
+        raise AssertionError("one try or more was made")
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "TaskPool":
         return self  # tasks never change

@@ -173,6 +173,7 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
 
     def kind_of_task(self, index: int) -> int:
         """The number of the kind that task `index` is of."""
+        self._pool[index]  # another robot may have to take it
         return int(self._pool.kind[index])
 
     @property

@@ -2,7 +2,7 @@
 
 import functools
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -13,7 +13,8 @@ from adrl.agents.config import TrainConfig
 from adrl.agents.interface import Validation
 from adrl.agents.methods import method_name
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
-from adrl.envs import NavVectorEnv, Setting
+from adrl.envs import Mixture, NavVectorEnv, Setting
+from adrl.envs.mixture import TaskPool
 from adrl.errors import ConfigError
 from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Expert, find_expert
@@ -25,7 +26,7 @@ from adrl.runs.fine_tuning import Start
 from adrl.runs.record import about_policy
 from adrl.simulators import NATIVE, Simulator, find_simulator
 from adrl.types import RobotConfig, Scenario, Task
-from adrl.worlds import RobotFamily, load_robots, task_set
+from adrl.worlds import RobotFamily, load_robots
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -113,18 +114,21 @@ class Run:
         learner = self.learner
 
         @functools.cache
-        def tasks() -> tuple[list[Task], Sequence[RobotConfig]]:
-            count = self.config.validation_episodes
-            if isinstance(self.robot, RobotConfig):
-                return task_set(self.scenario, self.robot, "validation", count), (self.robot,)
-            robots = [self.robot.draw("validation", i) for i in range(count)]
-            drawn = [task_set(self.scenario, one, "validation", 1, first=i) for i, one in enumerate(robots)]
-            return [task for (task,) in drawn], robots
+        def drawn() -> tuple[list[Task], TaskPool]:
+            count, given = self.config.validation_episodes, self.robot
+            robots = (
+                [given]
+                if isinstance(given, RobotConfig)
+                else [given.draw("validation", i) for i in range(count)]
+            )
+            mixture = Mixture(robots=robots, guidances=(self.guidance,), scenarios=(self.scenario,))
+            pool = TaskPool(mixture, "validation", count)
+            return [pool[i] for i in range(count)], pool
 
         def evaluate(policy: MlpPolicy, maturity: float) -> Validation:
-            driven, robots = tasks()
+            tasks, pool = drawn()
             setting = Setting(
-                robot=robots[0],
+                robot=pool.kinds[0].robot,
                 guidance=self.guidance,
                 encoder=self.encoder,
                 replanner=self.replanner,
@@ -133,14 +137,14 @@ class Run:
             )
             result = rollout(
                 policy,
-                driven,
-                [replace(setting, robot=robot) for robot in robots],
-                kinds=[i % len(robots) for i in range(len(driven))],
+                tasks,
+                [replace(setting, robot=kind.robot) for kind in pool.kinds],
+                kinds=pool.kind.tolist(),
                 num_threads=self.num_threads,
                 rewards=Rewards(config=learner.reward, gamma=learner.td3.gamma, maturity=maturity),
             )
             solved = result.episodes.success
-            limits_s = [task.time_limit_s for task in driven]
+            limits_s = [task.time_limit_s for task in tasks]
             return Validation(
                 success=float(solved.mean()),
                 seconds=float(np.where(solved, result.episodes.time_s, limits_s).mean()),
