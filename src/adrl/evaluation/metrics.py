@@ -1,7 +1,7 @@
 """What one evaluation measured, episode by episode, and the field's metrics of it."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import Field, dataclass, fields
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -21,8 +21,9 @@ _WIDE = {
     "goal_xy_m": ("goal_x_m", "goal_y_m"),
     "final_pose": ("final_x_m", "final_y_m", "final_yaw_rad"),
 }
-_DTYPES = {"task": np.int32, "success": np.bool_, "collision": np.bool_, "timeout": np.bool_}
-_NOT_NEGATIVE = ("distance_m", "time_s", "shortest_m", "smoothness")
+_DTYPES = {"task": np.int32} | dict.fromkeys(("success", "collision", "timeout", "at_fault"), np.bool_)
+_NOT_NEGATIVE = ("distance_m", "time_s", "shortest_m", "smoothness", "near_person_s", "frozen_s")
+_AMONG_PEOPLE = ("at_fault", "person_distance_m", "near_person_s", "frozen_s", "lost_s")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,10 +56,24 @@ class Episodes:
     """(E, 2) where it had to go."""
     final_pose: Array
     """(E, 3) x, y, yaw at the end."""
+    at_fault: Flags | None = None
+    """(E,) collided by moving into what it touched; see docs/decisions.md. This and what follows is None where nobody
+    walked."""
+    person_distance_m: Array | None = None
+    """(E,) least distance from the footprint to a person's body, at most 10 m; 0 or less after a touch."""
+    near_person_s: Array | None = None
+    """(E,) time within 0.5 m of a person."""
+    frozen_s: Array | None = None
+    """(E,) time at rest: neither driving nor turning."""
+    lost_s: Array | None = None
+    """(E,) time beyond that of the clear path: of shortest_m at the robot's greatest speed."""
 
     def __post_init__(self) -> None:
         count = np.asarray(self.task).shape[:1]
-        for field in fields(self):
+        known = {name for name in _AMONG_PEOPLE if getattr(self, name) is not None}
+        if known and known != set(_AMONG_PEOPLE):
+            raise ValueError(f"episodes among people have all of {', '.join(_AMONG_PEOPLE)}")
+        for field in self._fields():
             array = np.array(getattr(self, field.name), dtype=_DTYPES.get(field.name, np.float64))
             shape = (*count, len(_WIDE[field.name])) if field.name in _WIDE else count
             if not count or array.shape != shape:
@@ -70,6 +85,8 @@ class Episodes:
             array.setflags(write=False)
             object.__setattr__(self, field.name, array)
         endings = self.success.astype(int) + self.collision + self.timeout
+        if self.at_fault is not None and (self.at_fault & ~self.collision).any():
+            raise ValueError("an episode is at fault without a collision")
         if (endings != 1).any():
             first = int(np.flatnonzero(endings != 1)[0])
             raise ValueError(f"episode {first} has {endings[first]} endings; expected exactly one")
@@ -79,7 +96,16 @@ class Episodes:
 
     def select(self, rows: NDArray[np.integer] | Flags) -> Self:
         """The episodes at these row numbers, or where this mask (E,) is true."""
-        return type(self)(**{field.name: getattr(self, field.name)[rows] for field in fields(self)})
+        return type(self)(**{field.name: getattr(self, field.name)[rows] for field in self._fields()})
+
+    @property
+    def among_people(self) -> bool:
+        """Whether people walked."""
+        return self.at_fault is not None
+
+    def _fields(self) -> "list[Field[Any]]":
+        """Those that hold arrays."""
+        return [field for field in fields(self) if getattr(self, field.name) is not None]
 
     @classmethod
     def concatenated(cls, parts: Sequence[Self]) -> Self:
@@ -92,7 +118,7 @@ class Episodes:
         import pyarrow as pa
 
         columns: dict[str, NDArray[np.generic]] = {}
-        for field in fields(self):
+        for field in self._fields():
             array = getattr(self, field.name)
             if field.name in _WIDE:
                 columns |= {name: array[:, i] for i, name in enumerate(_WIDE[field.name])}
@@ -125,6 +151,8 @@ class Episodes:
 
         arrays: dict[str, NDArray[np.generic]] = {}
         for field in fields(cls):
+            if field.name in _AMONG_PEOPLE and field.name not in table.column_names:
+                continue
             wide = _WIDE.get(field.name)
             kind = _DTYPES.get(field.name, np.float64)
             columns = [column(name, kind) for name in wide or (field.name,)]
@@ -161,17 +189,35 @@ SAMPLES: dict[str, Callable[[Episodes], Array]] = {
 }
 """Metrics that are means: name -> the numbers to average, of successes (OVER_SUCCESSES) or of all."""
 
+SOCIAL_SAMPLES: dict[str, Callable[[Episodes], Array]] = {
+    "person_distance_m": lambda episodes: _among(episodes.person_distance_m),
+    "near_person_s": lambda episodes: _among(episodes.near_person_s),
+    "frozen_s": lambda episodes: _among(episodes.frozen_s),
+    "lost_s": lambda episodes: _among(episodes.lost_s)[episodes.success],
+}
+"""The same among people."""
+
 RATES = ("success", "collision", "timeout")
-"""Metrics that are fractions of the episodes."""
+"""Endings: metrics that are fractions of the episodes."""
 
 OVER_SUCCESSES = ("distance_m", "time_s", "optimality")
-"""Metrics that exist only where the goal was reached."""
+"""Metrics that exist only where the goal was reached; among people `lost_s` too."""
 
 COMMON = (
     "common_tasks",
     *(f"{whose}{name}_common" for name in OVER_SUCCESSES for whose in ("", "reference_")),
 )
 """Keys of means_on_common_tasks."""
+
+
+def samples_of(*several: Episodes) -> dict[str, Callable[[Episodes], Array]]:
+    """SAMPLES, and where people walked in all of these SOCIAL_SAMPLES."""
+    return SAMPLES | (SOCIAL_SAMPLES if all(episodes.among_people for episodes in several) else {})
+
+
+def rates_of(*several: Episodes) -> tuple[str, ...]:
+    """RATES, and where people walked in all of these `at_fault`, which is a part of collision."""
+    return (*RATES, "at_fault") if all(episodes.among_people for episodes in several) else RATES
 
 
 def success_rate(episodes: Episodes) -> float:
@@ -224,6 +270,11 @@ def means_on_common_tasks(
         means[f"{prefix}time_s_common"] = _mean(columns["time_s"][rows])
         means[f"{prefix}optimality_common"] = _mean(distance[away] / shortest[away])
     return means
+
+
+def _among(column: Array | None) -> Array:
+    assert column is not None, "nobody walked"
+    return column
 
 
 def _mean(samples: Array | Flags) -> float:

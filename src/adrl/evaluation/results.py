@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 from adrl import files, outputs
 from adrl.errors import CheckpointError, ConfigError, FileError, brief
-from adrl.evaluation.metrics import OVER_SUCCESSES, RATES, SAMPLES, Episodes, on_common_tasks, solved_by_all
+from adrl.evaluation.metrics import (
+    OVER_SUCCESSES,
+    Episodes,
+    on_common_tasks,
+    rates_of,
+    samples_of,
+    solved_by_all,
+)
 from adrl.evaluation.statistics import (
     Interval,
     bootstrap_mean,
@@ -76,10 +83,10 @@ def summarise(episodes: Episodes, meta: RunMeta) -> Summary:
     single number. Equal episodes give equal documents.
     """
     summary: Summary = {**about_run(meta), "episodes": len(episodes)}
-    for ending in RATES:
+    for ending in rates_of(episodes):
         flags = getattr(episodes, ending)
         summary |= interval_entry(ending, wilson_interval(int(flags.sum()), len(flags)))
-    for name, samples in SAMPLES.items():
+    for name, samples in samples_of(episodes).items():
         summary |= interval_entry(name, bootstrap_mean(samples(episodes)))
     return summary | training_of(meta)
 
@@ -121,10 +128,11 @@ def compare_paired(first: Episodes, second: Episodes) -> dict[str, Interval]:
     tasks = on_common_tasks([first, second])
     solved = solved_by_all([first, second])
     differences = {
-        ending: paired_rate_difference(*(getattr(episodes, ending) for episodes in tasks)) for ending in RATES
+        ending: paired_rate_difference(*(getattr(episodes, ending) for episodes in tasks))
+        for ending in rates_of(first, second)
     }
-    for name, samples in SAMPLES.items():
-        pair = solved if name in OVER_SUCCESSES else tasks
+    for name, samples in samples_of(first, second).items():
+        pair = solved if name in (*OVER_SUCCESSES, "lost_s") else tasks
         differences[name] = paired_difference(*(samples(episodes) for episodes in pair))
     return differences
 
@@ -192,6 +200,15 @@ _COLUMNS = (
     _Column(metric="optimality", heading="optimality\n", decimals=2),
     _Column(metric="spl", heading="SPL\n", decimals=2),
 )
+_SOCIAL_COLUMNS = (
+    *_COLUMNS[:2],
+    _Column(metric="at_fault", heading="at fault\n%", scale=100.0, decimals=1),
+    _Column(metric="lost_s", heading="lost\ns", decimals=1),
+    _Column(metric="frozen_s", heading="frozen\ns", decimals=1),
+    _Column(metric="near_person_s", heading="near\ns", decimals=1),
+    _Column(metric="person_distance_m", heading="nearest\nm", decimals=2),
+)
+"""Instead of these, where people walked."""
 _CONTEXT = ("scenario", "robot", "guidance", "split", "episodes")
 
 
@@ -205,16 +222,23 @@ def comparison_table(summaries: Sequence[Mapping[str, Any]]) -> "Table":
     shared = [key for key in _CONTEXT if len({summary[key] for summary in summaries}) == 1]
     title = ", ".join(f"{key} {summaries[0][key]}" for key in shared)
     caption = "below each estimate its 95 % interval; Av.D, Av.T and optimality over successes"
+    columns = _COLUMNS
+    if any("at_fault" in summary for summary in summaries):
+        columns = _SOCIAL_COLUMNS
+        caption = (
+            "below each estimate its 95 % interval; at fault: collisions by moving into something; lost: to the clear "
+            "path at full speed, over successes; near: within 0.5 m of a person"
+        )
     warnings = dict.fromkeys(line for summary in summaries for line in summary.get("warnings", ()))
     table = plain_table(title, "\n".join([caption, *(f"WARNING: {line}" for line in warnings)]), padding=0)
     table.add_column("policy\n", overflow="fold", min_width=9)
-    for column in _COLUMNS:
+    for column in columns:
         table.add_column(column.heading, justify="right", no_wrap=True)
     for summary in summaries:
         differing = [f"{key} {summary[key]}" for key in _CONTEXT if key not in shared]
         label = Text(str(summary["policy"]))
         label.append("".join(f"\n{line}" for line in differing), style="dim")
-        table.add_row(label, *(_cell(summary, column) for column in _COLUMNS))
+        table.add_row(label, *(_cell(summary, column) for column in columns))
     return table
 
 
@@ -242,7 +266,7 @@ def _cell(summary: Mapping[str, Any], column: _Column) -> Any:
     def number(value: float) -> str:
         return f"{value * column.scale:.{column.decimals}f}"
 
-    estimate, low, high = (summary[column.metric + suffix] for suffix in ("", "_low", "_high"))
+    estimate, low, high = (summary.get(column.metric + suffix) for suffix in ("", "_low", "_high"))
     text = Text("-" if estimate is None else number(estimate))
     if low is not None and high is not None:
         text.append(f"\n{number(low)}-{number(high)}", style="dim")

@@ -12,6 +12,7 @@ from adrl.envs import Body, NavSim, Setting, simulate
 from adrl.envs.nav_sim import Outcome
 from adrl.errors import ConfigError, TaskError
 from adrl.evaluation.metrics import Episodes
+from adrl.evaluation.social import Company
 from adrl.observation import Encoder, EncoderConfig
 from adrl.rewards import RewardConfig, reward
 from adrl.rewards.step import step_discounts
@@ -113,6 +114,7 @@ def rollout(
     if not tasks:
         raise TaskError("no tasks to evaluate on; ask for one episode or more")
     parts, routes, starts, returns, replans, done = [], [], [], [], [], 0
+    among_people = any(len(task.people) for task in tasks)
     asked = [recorder.reward for recorder in recorders] if rewards is None else [rewards.config]
     shown = next((config for config in asked if config is not None), None)
     settings = _settings(setting, encoder)
@@ -147,7 +149,9 @@ def rollout(
 
         starts.append(observe())
         begin(policy, np.arange(len(chunk)))
-        part, kept, earned = _drive(policy, sim, observe, own, keep, rewards, recorders, progress, on_drive)
+        part, kept, earned = _drive(
+            policy, sim, observe, own, keep, rewards, recorders, progress, on_drive, among_people
+        )
         parts.append(part)
         routes += kept
         returns.append(earned)
@@ -186,6 +190,7 @@ def _drive(
     recorders: Sequence[Recorder],
     progress: Callable[[int], None],
     on_drive: Callable[[NavSim, NDArray[np.int64], NDArray[np.bool_]], None] | None,
+    among_people: bool,
 ) -> tuple[dict[str, NDArray[np.generic]], list[Array], Array]:
     n = sim.num_envs
     earned, discount = np.zeros(n), np.ones(n)
@@ -198,6 +203,7 @@ def _drive(
     # A start within the goal's tolerance has arrived, a start in contact has hit: neither is driven.
     ending[0], ending[1] = sim.b["reached"], sim.b["collided"] & ~sim.b["reached"].astype(bool)
     sim.b["active"][:] = ~ending.any(axis=0)
+    company = Company(sim) if among_people else None
     for recorder in recorders:
         recorder.begin(sim, numbers)
     while sim.b["active"].any():
@@ -206,6 +212,8 @@ def _drive(
         outcome = sim.step(_actions(policy, sim, observe))
         for recorder in recorders:
             recorder.add(sim, active, outcome)
+        if company is not None:
+            company.add(sim, active)
         moving = (
             active & ~outcome.collided
         )  # contact stops a robot at once, which says nothing of its driving
@@ -241,6 +249,8 @@ def _drive(
         "goal_xy_m": np.array([task.goal for task in tasks]),
         "final_pose": sim.b["pose"].copy(),
     }
+    if company is not None:
+        columns |= company.columns(sim, columns["shortest_m"])
     path = np.stack(trace)  # (T, keep, 2)
     return columns, [path[: int(steps[i]) + 1, i] for i in range(keep)], earned
 

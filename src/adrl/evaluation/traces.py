@@ -63,6 +63,8 @@ class Trace:
     """(T, R) weights w'_i of the step's reward (eqs 14-16)."""
     paid: Array
     """(T, R) each term's part of the step's reward: scale * w'_i * r_i (eq 17)."""
+    people: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
+    """(T + 1, P, 3) x, y and radius of the people; (0, 0, 3) where nobody walks."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -167,6 +169,10 @@ class TraceRecorder:
         for i, states, steps in zip(chosen, self._states.of(chosen), self._steps.of(chosen), strict=True):
             task, robot = self._chunk[i], self._driving[i]
             states["ranges"] = states["ranges"][:, : robot.lidar.num_beams]
+            places = states.pop("people", None)
+            if places is not None and len(task.people):
+                radius_m = np.broadcast_to(task.people.radius_m, places[:, : len(task.people), 0].shape)
+                states["people"] = np.dstack([places[:, : len(task.people)], radius_m])
             none = np.empty((0, len(reward_terms(self.reward))), np.float32)
             self._episodes.append(
                 Trace(
@@ -206,8 +212,10 @@ class TraceRecorder:
         waypoint = b["waypoint"].copy()
         if self._guidance != "map":  # given in the odometry's frame
             waypoint = in_world_frame(b["pose"], in_robot_frame(b["odometry"], waypoint))
+        walking = max((len(task.people) for task in self._chunk), default=0)
         self._states.add(
             rows,
+            **({"people": b["people"][:, :walking, :2]} if walking else {}),
             time_s=b["time"],
             pose=b["pose"],
             twist=b["twist"],
@@ -235,6 +243,8 @@ def write_traces(path: str | os.PathLike[str], traces: Traces) -> None:
         for name in (*_STATES, *_STEPS):
             array = np.asarray(getattr(trace, name))
             tensors[f"episode.{number}.{name}"] = array.astype(np.float16 if name == "ranges" else np.float32)
+        if trace.people.size:
+            tensors[f"episode.{number}.people"] = trace.people.astype(np.float32)
     about = {
         "schema_version": SCHEMA_VERSION,
         "robot": asdict(traces.robot),
@@ -319,6 +329,9 @@ def _unpack(about: _About, tensors: Mapping[str, NDArray[Any]]) -> Traces:
         arrays = {name: tensors[f"episode.{number}.{name}"] for name in ("path", *_STATES, *_STEPS)}
         own = robot_from_fields(entry["robot"]) if "robot" in entry else robot
         _require_shapes(arrays, own, terms)
+        people = tensors.get(f"episode.{number}.people")
+        if people is not None:
+            arrays["people"] = _people_like(people, len(arrays["time_s"]))
         episodes.append(Trace(**arrays, **entry | {"world": worlds[entry["world"]], "robot": own}))  # pyright: ignore
     tasks, sizes, positions = (tensors[f"routes.{name}"] for name in ("task", "size", "xy"))
     ends = np.cumsum(sizes)
@@ -350,6 +363,14 @@ def _require_shapes(arrays: Mapping[str, NDArray[Any]], robot: RobotConfig, term
             raise ValueError(f"{name} of an episode is {array.dtype} {array.shape}, not floats {shape}")
         if np.isnan(array).any() or not (name == "ranges" or np.isfinite(array).all()):
             raise ValueError(f"{name} of an episode holds a number that is not finite")
+
+
+def _people_like(people: NDArray[Any], states: int) -> NDArray[Any]:
+    """The array, where it is as Trace says. Raises ValueError."""
+    shape = (states, people.shape[1] if people.ndim == 3 else 0, 3)
+    if people.shape != shape or people.dtype.kind != "f" or not np.isfinite(people).all():
+        raise ValueError(f"people of an episode is {people.dtype} {people.shape}, not finite floats {shape}")
+    return people
 
 
 _WORLD_ARRAYS = ("circles", "segments", "discs", "corners", "sizes", "solid")

@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.evaluation.metrics import RATES
+from adrl.evaluation.metrics import RATES, Episodes
 from adrl.evaluation.traces import Trace, Traces
 from adrl.report.encode import numbers, packed, world_content, world_picture
 from adrl.report.failure_map import failure_map
 from adrl.report.metrics_log import read_metrics
 from adrl.report.source import Evaluated, Source
-from adrl.types import RobotConfig, World
+from adrl.types import Array, RobotConfig, World
 
 MOST_REPLAYS, MOST_FRAMES, MOST_BEAMS = 32, 300, 120
 """Of a whole report, of a replay, of a scan: together they bound the size of the page."""
@@ -126,12 +126,26 @@ def _evaluation(entry: Evaluated, chosen: Sequence[Trace], worlds: _Worlds) -> d
             "ratio": numbers(ratio, 4),
             "clearance_m": numbers(episodes.least_clearance_m, 3),
             "smoothness": numbers(episodes.smoothness, 3),
+            **_social(episodes),
         },
         "maturity": None if traces is None else round(traces.maturity, 4),
         "terms": [] if traces is None else list(traces.terms),
         "robot_shape": None if traces is None else robot_shape(traces.robot),
         "replays": [] if traces is None else [_replay(trace, traces.robot, worlds) for trace in chosen],
         "map": None if traces is None else _map(entry, traces),
+    }
+
+
+def _social(episodes: Episodes) -> dict[str, Any]:
+    if not episodes.among_people:
+        return {}
+    whose = np.where(episodes.collision, np.where(np.asarray(episodes.at_fault), "robot", "other"), "")
+    return {
+        "fault": whose.tolist(),
+        **{
+            name: numbers(getattr(episodes, name), 3)
+            for name in ("person_distance_m", "near_person_s", "frozen_s", "lost_s")
+        },
     }
 
 
@@ -204,7 +218,16 @@ def _replay(trace: Trace, first: RobotConfig, worlds: _Worlds) -> dict[str, Any]
         "clearance": packed(np.maximum(trace.clearance[frames], 0.0), 1.0),
         "weights": packed(weights[frames]),
         "paid": packed(paid[frames]),
+        "people": None if not trace.people.size else _people(trace.people[frames]),
         "ranges": packed(np.minimum(ranges, robot.lidar.max_range_m), robot.lidar.max_range_m),
+    }
+
+
+def _people(places: Array) -> dict[str, Any]:
+    """(F, P, 3) x, y and radius of each person in each frame."""
+    return {
+        "places": packed(places[:, :, :2].reshape(len(places), -1)),
+        "radius_m": numbers(places[0, :, 2], 3),
     }
 
 

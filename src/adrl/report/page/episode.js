@@ -4,6 +4,7 @@ function opened(replay) {
     replay.read = Object.fromEntries(
       ['pose', 'waypoint', 'twist', 'clearance', 'weights', 'paid', 'ranges'].map((name) => [name, unpack(replay[name])]),
     );
+    if (replay.people) replay.read.people = unpack(replay.people.places);
   }
   return replay.read;
 }
@@ -12,6 +13,15 @@ function poseAt(replay, time) {
   const { frame, next, part } = frameAt(replay, time);
   const { pose } = opened(replay);
   return [0, 1, 2].map((k) => pose(frame, k) + part * (pose(next, k) - pose(frame, k)));
+}
+
+/** [x, y, radius] of the people at a time. */
+function peopleAt(replay, time) {
+  if (!replay.people) return [];
+  const { people } = opened(replay);
+  const { frame, next, part } = frameAt(replay, time);
+  const at = (k) => people(frame, k) + part * (people(next, k) - people(frame, k));
+  return replay.people.radius_m.map((radius, k) => [at(2 * k), at(2 * k + 1), radius]);
 }
 
 /** A square window in metres on all of a replay's way. */
@@ -37,7 +47,7 @@ function momentOf(evaluation, replay, { time, from = 0 }) {
   return {
     world: DATA.worlds[replay.world],
     time,
-    people: [],
+    people: peopleAt(replay, time),
     shape: replay.robot_shape ?? evaluation.robot_shape,
     pose: poseAt(replay, time),
     trail: Array.from({ length: frame + 1 - first }, (_, i) => at(first + i)),

@@ -40,6 +40,13 @@ function buildResults() {
     columns.push(metric('seconds_to_90', 'To 90 %, s', 1, 1, 'wall clock of training, median over seeds'), metric('improvement', 'adrl better, %', 0, 100, 'chance that a seed of adrl beats one of the method'));
   } else {
     columns.push(metric('least_clearance_m', 'Clearance, m', 2), metric('smoothness', 'Yaw accel., rad/s²', 2));
+    if (DATA.rows.some((row) => 'at_fault' in row)) {
+      columns.splice(3, 0, metric('at_fault', 'At fault, %', 1, 100, 'collisions in which the robot moved into something'));
+      columns.push(
+        metric('person_distance_m', 'Nearest person, m', 2), metric('near_person_s', 'Within 0.5 m, s', 1),
+        metric('frozen_s', 'Frozen, s', 1), metric('lost_s', 'Lost, s', 1, 1, 'to the clear path at full speed, over successes'),
+      );
+    }
   }
   const table = sortable('Results', columns);
   table.element.id = 'results-table';
@@ -90,6 +97,11 @@ function buildEpisodes() {
   const [controls, body] = [section.querySelector('.controls'), section.querySelector('.body')];
   const state = { e: 0, ending: 'all' };
   const plain = (key, title, decimals, hint) => ({ key, title, hint, value: (row) => row[key], cell: (row) => fixed(row[key], decimals) });
+  const social = DATA.evaluations.some(({ tasks }) => 'fault' in tasks) ? [
+    { key: 'fault', title: 'Fault', text: true, hint: 'who moved into whom', value: (row) => row.fault ?? '', cell: (row) => row.fault ?? '' },
+    plain('person_distance_m', 'Nearest person, m', 2), plain('near_person_s', 'Within 0.5 m, s', 1),
+    plain('frozen_s', 'Frozen, s', 1), plain('lost_s', 'Lost, s', 1),
+  ] : [];
   const table = sortable('Tasks', [
     {
       key: 'task', title: 'Task', value: (row) => row.task,
@@ -102,6 +114,7 @@ function buildEpisodes() {
     { key: 'ending', title: 'Ending', text: true, value: (row) => row.ending, cell: (row) => el('span', { class: `ending ${row.ending}` }, row.ending) },
     plain('time_s', 'Time, s', 1), plain('distance_m', 'Driven, m', 1), plain('shortest_m', 'Shortest, m', 1),
     plain('ratio', 'Driven / shortest', 2, 'of arrivals'), plain('clearance_m', 'Least clearance, m', 2), plain('smoothness', 'Yaw accel., rad/s²', 2),
+    ...social,
   ], { sort: 'task', tall: true });
   table.element.id = 'tasks-table';
   const count = el('span', { class: 'note small', style: 'margin: 0', role: 'status' });

@@ -5,6 +5,14 @@ const player = { select: () => {} };
 const replayName = (replay) => `task ${replay.task}${replay.robot ? ` of ${replay.robot}` : ''}: ${replay.ending}, ${fixed(replay.time_s.at(-1))} s`;
 const findReplay = (evaluation, task) => evaluation.replays.findIndex((replay) => replay.task === task);
 
+/** Seconds in which the robot neither drove nor turned, as adrl.evaluation.social counts them. */
+function stoodFor(replay, { twist }) {
+  return replay.time_s.slice(1).reduce((sum, time, i) => {
+    const still = Math.abs(twist(i + 1, 0)) < 0.02 && Math.abs(twist(i + 1, 1)) < 0.05;
+    return sum + (still ? time - replay.time_s[i] : 0);
+  }, 0);
+}
+
 function buildReplay() {
   const known = DATA.evaluations.map((evaluation, e) => [evaluation, e]).filter(([evaluation]) => evaluation.replays.length);
   if (!known.length) return;
@@ -122,11 +130,12 @@ function buildReplay() {
       const paid = read.paid(read.paid.rows - 1, k);
       if ((name === 'success' || name === 'failure') && paid !== 0) facts.push([`${name} pays ${fixed(paid, 2)} at the end`]);
     });
+    if (replay.people) facts.push([`stood ${fixed(stoodFor(replay, read))} s`]);
     for (const [key, symbol] of [['alpha', 'α'], ['lambda_bc', 'λ']]) {
       if (key in final) facts.push([`${symbol} ${fixed(final[key], 3)} at the end of training`]);
     }
     chips.replaceChildren(...facts.map((content) => el('li', {}, ...content)));
-    const moving = DATA.worlds[replay.world].discs.length > 0;
+    const moving = DATA.worlds[replay.world].discs.length > 0 || replay.people !== null;
     let guided = false;
     for (let f = 0; f < read.waypoint.rows && !guided; f += 1) {
       guided = Math.hypot(read.waypoint(f, 0) - replay.goal[0], read.waypoint(f, 1) - replay.goal[1]) > 0.05;
