@@ -36,7 +36,7 @@ from adrl.worlds import load_robot
 from map_files import write_map
 from small_run import run_cli
 
-SIM_KEYS = {"steps_per_second", "threads", "envs", "beams", "obstacles", "peers"}
+SIM_KEYS = {"steps_per_second", "threads", "envs", "beams", "obstacles", "people", "peers"}
 
 
 def test_rates_count_the_work_of_every_round() -> None:
@@ -76,6 +76,17 @@ def test_robots_of_many_kinds_against_one_kind_a_batch(tmp_path: Path) -> None:
         assert mixed[part]["ratio"] > 0.0
     assert mixed["environment"]["steps_per_second"] < mixed["simulator"]["steps_per_second"]
     assert run_cli("bench", "sim", *sizes, "--robots", 0) == 2
+
+
+def test_sim_among_people_is_measured_against_rvo2(tmp_path: Path) -> None:
+    pytest.importorskip("pyrvo")
+    sizes = ("--envs", 4, "--beams", 12, "--obstacles", 0, "--people", 12, "--seconds", 0.02, "--rounds", 1)
+    assert run_cli("bench", "sim", *sizes, "--threads", 1, "--json", tmp_path / "sim.json") == 0
+    results = json.loads((tmp_path / "sim.json").read_text())
+    assert results["people"] == 12
+    (peer,) = results["peers"]
+    assert peer["name"] == "pyrvo"
+    assert peer["ratio"] == pytest.approx(results["steps_per_second"] / peer["steps_per_second"])
 
 
 def test_plan(tmp_path: Path) -> None:

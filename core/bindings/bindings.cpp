@@ -143,7 +143,7 @@ std::shared_ptr<World> make_world(const In<double, Rows3> &circles, const In<dou
                                    resolution, Pose{std::get<0>(origin), std::get<1>(origin), std::get<2>(origin)});
 }
 
-std::shared_ptr<Crowd> make_crowd(const In<double, nb::shape<-1, 5>> &walkers, const In<double, Rows2> &way_points,
+std::shared_ptr<Crowd> make_crowd(const In<double, nb::shape<-1, 6>> &walkers, const In<double, Rows2> &way_points,
                                   const In<std::int32_t, nb::shape<-1>> &offsets, bool legs) {
     require_all_finite(walkers, "walkers");
     require_all_finite(way_points, "way_points");
@@ -157,8 +157,8 @@ std::shared_ptr<Crowd> make_crowd(const In<double, nb::shape<-1, 5>> &walkers, c
     for (std::size_t i = 0; fits && i < n; ++i) {
         const auto row = [&](int j) { return walkers(i, j); };
         fits = offsets.data()[i] + (row(1) > 0.0 ? 2 : 1) <= offsets.data()[i + 1];
-        crowd.walkers.push_back(
-            {row(0), row(1), row(2), row(3), static_cast<int>(row(4)), offsets.data()[i], offsets.data()[i + 1]});
+        crowd.walkers.push_back({row(0), row(1), row(2), row(3), static_cast<int>(row(4)), row(5) > 0.0,
+                                 offsets.data()[i], offsets.data()[i + 1]});
     }
     if (!fits)
         throw nb::value_error("way_offsets: give 0, rising by 1 or more, for who walks 2, to the points' number");

@@ -27,7 +27,9 @@ inline std::shared_ptr<World> crowded_world() {
 inline std::shared_ptr<const Crowd> three_people() {
     Crowd crowd;
     crowd.way_points = {{-3.0, 2.5}, {3.0, 1.5}, {0.0, -1.0}, {0.5, -4.0}, {-2.5, -3.0}};
-    crowd.walkers = {{0.3, 1.2, 0.5, 0.2, 0, 0, 2}, {0.25, 1.0, 0.0, 0.3, -1, 2, 4}, {0.3, 0.0, 0.5, 0.2, 0, 4, 5}};
+    crowd.walkers = {{0.3, 1.2, 0.5, 0.2, 0, false, 0, 2},
+                     {0.25, 1.0, 0.0, 0.3, -1, true, 2, 4},
+                     {0.3, 0.0, 0.5, 0.2, 0, false, 4, 5}};
     crowd.legs = true;
     return std::make_shared<const Crowd>(crowd);
 }

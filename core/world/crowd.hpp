@@ -18,6 +18,7 @@ struct Walker {
     double share = 0.5;      // of avoiding the robot: 0 does not look, 1 leaves the robot nothing to do
     double reaction_s = 0.1; // time between two decisions
     int group = -1;          // people of one number keep together; -1 walks alone
+    bool blind = false;      // walks on along its route, whatever is in the way
     int first = 0, last = 0; // its route: the way points [first, last), walked to and fro
 };
 

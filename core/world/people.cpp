@@ -85,7 +85,8 @@ Neighbours neighbours(const World &world, const Crowd &crowd, const Mover &robot
     for (int j = 0; j < crowd.count(); ++j) {
         const Walker &other = crowd.walkers[j];
         if (j != k)
-            offer({place(people[j]), velocity(people[j]), other.radius + kSpace}, other.speed > 0.0 ? 0.5 : 1.0);
+            offer({place(people[j]), velocity(people[j]), other.radius + kSpace},
+                  other.speed > 0.0 && !other.blind ? 0.5 : 1.0);
     }
     for (const MovingDisc &disc : world.discs()) {
         const Vec2 at = disc.at(time_s);
@@ -223,7 +224,8 @@ void decide(const World &world, const Crowd &crowd, const Mover &robot, double t
         due[k] = crowd.walkers[k].speed > 0.0 && people[k].wait_s < 0.5 * step_s;
         if (!due[k]) continue;
         const double hold_s = std::max(crowd.walkers[k].reaction_s, step_s);
-        chosen[k] = decided(world, crowd, robot, time_s, hold_s, k, people);
+        chosen[k] = crowd.walkers[k].blind ? preferred(crowd, k, people)
+                                           : decided(world, crowd, robot, time_s, hold_s, k, people);
         people[k].wait_s += hold_s;
     }
     for (int k = 0; k < crowd.count(); ++k) {

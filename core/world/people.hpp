@@ -1,5 +1,5 @@
 // People who walk to and fro along routes: they keep off walls, each other, moving discs and, by their share, the robot
-// (orca.hpp). Whoever stands lets others go round. Between two decisions velocities stay.
+// (orca.hpp). Whoever stands lets others go round; the blind avoid nothing. Between two decisions velocities stay.
 #pragma once
 
 #include <cstdint>

@@ -13,8 +13,8 @@ I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
 
 class Crowd:
-    """Who walks in a task; see adrl.types.People. walkers (P, 5): radius, speed, share, reaction_s, group; person i
-    walks the way points (W, 2) from way_offsets[i] to way_offsets[i + 1]."""
+    """Who walks in a task; see adrl.types.People. walkers (P, 6): radius, speed, share, reaction_s, group, 1 for who is
+    blind; person i walks the way points (W, 2) from way_offsets[i] to way_offsets[i + 1]."""
     def __init__(self, walkers: F64, way_points: F64, way_offsets: I32, legs: bool) -> None: ...
 
 class World:

@@ -33,6 +33,8 @@ class SimOptions:
     """Circles in each world, besides its four walls."""
     robots: int = 1
     """Above 1: also so many different robots side by side, against the same robots a kind a batch."""
+    people: int = 0
+    """People about each robot; with some, RVO2 from Python (pyrvo) is measured with the same ones."""
     seconds: float = 1.0
     """Length of a round, s."""
     rounds: int = 5
@@ -164,6 +166,7 @@ def _sim(arguments: Sequence[str]) -> int:
         num_threads=options.threads,
         num_beams=options.beams,
         num_obstacles=options.obstacles,
+        num_people=options.people,
         seconds=options.seconds,
         rounds=options.rounds,
         peers=options.peer_python,

@@ -36,6 +36,8 @@ class People:
     """(P,) time between two decisions."""
     group: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
     """(P,) people of one number keep together; -1 walks alone."""
+    blind: NDArray[np.bool_] | None = None
+    """(P,) those that avoid nothing at all, neither people nor walls, and whom all others avoid; None: nobody."""
     legs: bool = False
     """A LiDAR sees two legs of 0.1 m that swing, not the body."""
 
@@ -57,6 +59,10 @@ class People:
             )
             require(bool(((array >= low) & (array <= high)).all()), f"people.{name}: give {low} to {high}")
             object.__setattr__(self, name, array)
+        if self.blind is not None:
+            blind = np.array(self.blind, dtype=bool)
+            require(blind.shape == (count,), f"people.blind has shape {blind.shape}; give one flag a route")
+            object.__setattr__(self, "blind", blind)
         require(count <= MOST_PEOPLE, f"{count} people; a task holds at most {MOST_PEOPLE}")
         routes = tuple(np.ascontiguousarray(route, dtype=np.float64) for route in self.routes)
         for k, route in enumerate(routes):
@@ -79,7 +85,8 @@ class People:
     @cached_property
     def native(self) -> "_core.Crowd":
         """The same people, laid out for the simulator."""
-        walkers = [self.radius_m, self.speed_mps, self.share, self.reaction_s, self.group]
+        blind = np.zeros(len(self)) if self.blind is None else self.blind
+        walkers = [self.radius_m, self.speed_mps, self.share, self.reaction_s, self.group, blind]
         ends = np.cumsum([0, *(len(route) for route in self.routes)]).astype(np.int32)
         return _core.Crowd(
             np.ascontiguousarray(np.column_stack(walkers), dtype=np.float64),

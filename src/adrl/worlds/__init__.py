@@ -13,6 +13,7 @@ from adrl.worlds.cellular import Cellular
 from adrl.worlds.clutter import Clutter
 from adrl.worlds.complex import Complex
 from adrl.worlds.crowd import Passage, Square, TwoRooms, crowd_walks, opposing_flows, through_the_door
+from adrl.worlds.dynabarn import DynaBarn
 from adrl.worlds.dynamic import Dynamic
 from adrl.worlds.families import LidarFamily, RobotFamily
 from adrl.worlds.hall import Hall
@@ -33,6 +34,7 @@ SCENARIOS: dict[str, Scenario] = {
     "dynamic": Dynamic(),
     "rooms": Rooms(),
     "cellular": Cellular(),
+    "dynabarn": DynaBarn(),
     "crowd": Peopled(Square(), Crowd(count=(6, 20)), crowd_walks),
     "corridor": Peopled(Passage(), Crowd(count=(4, 10), standing=0.0), opposing_flows),
     "doorway": Peopled(TwoRooms(), Crowd(count=(3, 8)), through_the_door),

@@ -59,6 +59,9 @@ ROBOTS: dict[str, RobotConfig] = {
     ),
 }
 
+# As the DynaBARN benchmark drives it.
+ROBOTS["jackal_dynabarn"] = dataclasses.replace(ROBOTS["jackal"], name="jackal_dynabarn", max_speed_mps=0.5)
+
 FAMILIES: dict[str, RobotFamily] = {"any": RobotFamily()}
 
 
