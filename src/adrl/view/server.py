@@ -127,7 +127,10 @@ class Stage:
         try:
             while True:
                 try:
-                    self._asked.append(decode(await socket.receive_text()))
+                    message = decode(await socket.receive_text())
+                    self._asked.append(
+                        message
+                    )  # to the list of now: while this waited, another took its place
                 except (ConfigError, KeyError) as error:  # KeyError: bytes instead of text
                     page.say(_json({"errors": [str(error)]}))
         except WebSocketDisconnect:

@@ -1,4 +1,5 @@
 const RETRY_MS = 1000;
+const MOST_ROWS = 4000;
 const GONE = 'The server does not answer, and the drive stands still. This page goes on when it is back. If you start adrl view again, open the address that it prints.';
 
 /** The line to the server. It comes back by itself. listeners: setup(content), frame(content). */
@@ -11,11 +12,12 @@ function connect() {
   line.onmessage = ({ data }) => {
     const content = JSON.parse(data);
     if (content.setup) {
+      waiting = null;
       link.setup = content.setup;
       link.listeners.forEach(({ setup }) => setup?.(content.setup));
     } else {
       if (content.errors) say(content.errors.join('\n'));
-      if (link.setup && content.lanes) link.listeners.forEach(({ frame }) => frame?.(content));
+      if (link.setup && content.lanes) later(content);
     }
   };
   line.onclose = () => {
@@ -23,6 +25,23 @@ function connect() {
     say(GONE);
     setTimeout(connect, RETRY_MS);
   };
+}
+
+let waiting = null;
+
+/** A page that is slower than its server draws what is newest, and loses none of the rows. */
+function later(frame) {
+  if (!waiting) {
+    requestAnimationFrame(() => {
+      const newest = waiting;
+      waiting = null;
+      if (newest) link.listeners.forEach((listener) => listener.frame?.(newest));
+    });
+    waiting = frame;
+    return;
+  }
+  const lanes = frame.lanes.map((lane, i) => ({ ...waiting.lanes[i], ...lane, rows: [...(waiting.lanes[i]?.rows ?? []), ...lane.rows].slice(-MOST_ROWS) }));
+  waiting = { ...waiting, ...frame, lanes };
 }
 
 function setLink(state, text) {
