@@ -21,7 +21,15 @@ from adrl.baselines import SB3_METHODS
 from adrl.baselines.planners import PLANNERS
 from adrl.cli import COMMANDS, main
 from adrl.commands.barn import BarnOptions
-from adrl.commands.bench import ActOptions, GazeboOptions, LearnOptions, PlanOptions, Ros2Options, SimOptions
+from adrl.commands.bench import (
+    ActOptions,
+    GazeboOptions,
+    LearnOptions,
+    Nav2Options,
+    PlanOptions,
+    Ros2Options,
+    SimOptions,
+)
 from adrl.commands.calibrate import CalibrateOptions
 from adrl.commands.collect import CollectOptions
 from adrl.commands.compare import COMMON as COMPARE_COMMON
@@ -42,7 +50,7 @@ from adrl.deploy.policy import SHIPPED
 from adrl.evaluation.results import read_episodes
 from adrl.evaluation.rollout import Rollout, rollout
 from adrl.imitation.experts import EXPERTS
-from adrl.integrations.ros.config import DriveConfig, SimConfig
+from adrl.integrations.ros.config import ControllerConfig, DriveConfig, SimConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards.weights import EXTRA_TERMS
 from adrl.runs import RunConfig
@@ -74,8 +82,10 @@ OPTIONS: dict[str, Any] = {
     "bench learn": LearnOptions,
     "bench gazebo": GazeboOptions,
     "bench ros2": Ros2Options,
+    "bench nav2": Nav2Options,
     "ros1 drive": DriveConfig,
     "ros1 sim": SimConfig,
+    "ros2 controller": ControllerConfig,
     "ros2 drive": DriveConfig,
     "ros2 sim": SimConfig,
 }

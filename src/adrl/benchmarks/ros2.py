@@ -1,9 +1,11 @@
 """What a driving node of ROS 2 costs: from a scan's publication to its command's arrival, and processor time."""
 
+import contextlib
 import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,24 +22,57 @@ GOALS = ((3.0, 0.0), (0.0, 0.0))
 """In the odometry's frame, in turns."""
 
 
-def bench_ros2(policy: str, *, scans: int = 600) -> dict[str, Any]:
+def bench_ros2(policy: str, *, scans: int = 600, quota: float = 0.0) -> dict[str, Any]:
     """A simulated robot in this process and the node in another, in real time, joined by DDS. Times in ms.
 
     cpu: processor time of the node's process, all threads, in percent of one core; idle with sensors but no goal.
     memory: what it has resident. load: of the machine in the minute before the end, this benchmark included.
     Raises ConfigError, MissingExtra where ROS 2 is not, WorldError when the node does not come up.
+    quota: of one core, what the node may use, by a cgroup; 0 for all of it.
     """
     if scans < 20:
         raise ConfigError(f"scans is {scans}; give 20 or more")
+    if not 0.0 <= quota <= 1.0:
+        raise ConfigError(f"quota is {quota}; give a share of one core, or 0 for all of it")
     os.environ.setdefault("ROS_DOMAIN_ID", "101")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     command = [sys.executable, "-m", "adrl.cli", "ros2", "drive", "--policy", policy, "--guidance", "goal"]
     node = subprocess.Popen(command, stdin=subprocess.DEVNULL)
     try:
-        return _measure(node.pid, scans)
+        with _limited(node.pid, quota):
+            return _measure(node.pid, scans) | {"quota": quota}
     finally:
         node.terminate()
         node.wait()
+
+
+@contextlib.contextmanager
+def _limited(process_id: int, quota: float) -> Iterator[None]:
+    """Hold a process, its threads included, to a share of a core by a cgroup of its own. Raises ConfigError."""
+    if quota == 0.0:
+        yield
+        return
+    first = Path("/sys/fs/cgroup/cpu")  # cgroups of the first version have a tree a resource
+    group = (first if first.is_dir() else first.parent) / f"adrl-bench-{process_id}"
+    try:
+        group.mkdir()
+        if first.is_dir():
+            (group / "cpu.cfs_quota_us").write_text(str(int(quota * 100_000)))
+        else:
+            (group / "cpu.max").write_text(f"{int(quota * 100_000)} 100000")
+        (group / "cgroup.procs").write_text(str(process_id))
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            group.rmdir()
+        raise ConfigError(
+            f"quota: this machine does not let a cgroup be made ({error}); run as root"
+        ) from None
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):  # it may have ended
+            (group.parent / "cgroup.procs").write_text(str(process_id))
+        group.rmdir()
 
 
 def _measure(node_id: int, scans: int) -> dict[str, Any]:

@@ -137,6 +137,26 @@ class Ros2Options:
     """a shipped policy (adrl list), or a run folder."""
     scans: int = 600
     """Scans to time, ten a second with the default policy."""
+    quota: float = 0.0
+    """Of one core, what the node may use, as 0.2: a slow computer. 0 for all; a quota needs root and cgroups."""
+    json: Path | None = None
+    """File for the results."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nav2Options:
+    """Our controller in the place of Nav2's, and paths of another planner."""
+
+    policy: str = DEFAULT
+    """a shipped policy (adrl list), or a run folder."""
+    paths: int = 200
+    """Test tasks whose paths are followed, one after the other."""
+    robot: str = "diffbot"
+    """A robot's name (adrl list) or a TOML file."""
+    scenario: str = "complex"
+    """A scenario's name (adrl list)."""
+    speed: float = 1.0
+    """Times as fast as real time."""
     json: Path | None = None
     """File for the results."""
 
@@ -266,7 +286,22 @@ def _ros2(arguments: Sequence[str]) -> int:
 
     options = parse(Ros2Options, arguments, "bench ros2", "From scan to command over DDS, and what it costs.")
     require_file("--json", options.json)
-    return _report(bench_ros2(options.policy, scans=options.scans), options.json)
+    return _report(bench_ros2(options.policy, scans=options.scans, quota=options.quota), options.json)
+
+
+def _nav2(arguments: Sequence[str]) -> int:
+    from adrl.benchmarks.nav2 import bench_nav2
+
+    options = parse(Nav2Options, arguments, "bench nav2", "Paths of another planner through our controller.")
+    require_file("--json", options.json)
+    results = bench_nav2(
+        options.policy,
+        paths=options.paths,
+        robot=options.robot,
+        scenario=options.scenario,
+        speed=options.speed,
+    )
+    return _report(results, options.json)
 
 
 def _report(results: dict[str, Any], path: Path | None) -> int:
@@ -304,6 +339,10 @@ WHAT: dict[str, tuple[str, Runner]] = {
     "ros2": (
         "a node of ROS 2 from scan to command over DDS, and its processor time; in .venv-ros2",
         _ros2,
+    ),
+    "nav2": (
+        "how paths of another planner end through our controller for Nav2; in .venv-ros2",
+        _nav2,
     ),
 }
 
