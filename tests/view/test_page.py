@@ -110,7 +110,7 @@ def test_it_drives_pauses_and_begins_anew(tab: Tab) -> None:
     tab.page.locator("#play").click()
     tab.moves_on()
     tab.page.locator("#speed").press("ArrowRight")
-    expect(tab.page.locator("#pace")).to_contain_text("1.2")
+    expect(tab.page.locator("#pace")).to_contain_text("1.3")
     tab.page.locator("#restart").click()
     wait_until(lambda: tab.time_s < stood, PATIENCE_MS / 1000)
 
@@ -180,7 +180,11 @@ def test_a_click_is_a_goal(tab: Tab, server: Served) -> None:
 def test_an_obstacle_is_dragged(tab: Tab, server: Served) -> None:
     tab.page.locator("#play").click()
     world = truth(server, "setup")["world"]
-    before = np.array(world["polygons"][0]).reshape(-1, 2).mean(axis=0)
+    middles = np.array([np.array(flat).reshape(-1, 2).mean(axis=0) for flat in world["polygons"]])
+    things = np.concatenate([middles, np.array(world["circles"]).reshape(-1, 3)[:, :2]])
+    apart = np.sort(np.linalg.norm(middles[:, None] - things[None], axis=2), axis=1)[:, 1]
+    chosen = int(apart.argmax())  # nothing else lies on it
+    before = middles[chosen]
     after = np.array(free_place(world))
     mouse = tab.page.mouse
     mouse.move(*on_screen(tab, world, *before))
@@ -191,7 +195,7 @@ def test_an_obstacle_is_dragged(tab: Tab, server: Served) -> None:
     mouse.up()
 
     def moved() -> bool:
-        corners = np.array(truth(server, "setup")["world"]["polygons"][0]).reshape(-1, 2)
+        corners = np.array(truth(server, "setup")["world"]["polygons"][chosen]).reshape(-1, 2)
         return bool(np.linalg.norm(corners.mean(axis=0) - after) < 0.1)
 
     wait_until(moved, PATIENCE_MS / 1000)
