@@ -30,7 +30,8 @@ def test_the_policy_sees_the_robot_as_it_will_when_it_is_evaluated(tmp_path: Pat
     """Scans and commands have the scales that it knows, before, during and after the run."""
     run = Run.of(RunConfig(robot=robot, fine_tune=DEFAULT))
     start = load_policy(resolve_policy("default"))
-    assert run.taken_as == find_policy(start).taken_as(robot) == as_trained(robot, ROBOTS["diffbot"])
+    seen_as = as_trained(robot, ROBOTS["diffbot"])
+    assert run.taken_as == find_policy(start).taken_as(robot) == seen_as
     about = replace(run.about_policy(), input_size=44)
     replace_config = type(start)(start.layers, about)
     replace_config.save(tmp_path)
@@ -40,7 +41,7 @@ def test_the_policy_sees_the_robot_as_it_will_when_it_is_evaluated(tmp_path: Pat
     env = run.make_env(4, task_pool=2, seed=0)
     env.reset()
     ranges, goal, twist, last_action, history = env.sim.measured()[:5]
-    expected = ObservationEncoder(run.taken_as, run.encoder).encode(ranges, goal, twist, last_action, history)
+    expected = ObservationEncoder(seen_as, run.encoder).encode(ranges, goal, twist, last_action, history)
     np.testing.assert_array_equal(env.sim.observe(), expected)
     assert ranges.max() <= np.float32(6.0)
 

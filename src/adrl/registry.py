@@ -21,6 +21,11 @@ def look_up(kind: str, name: str, table: Mapping[str, Any]) -> Any:
     raise UnknownName(kind, name, [*table, *found])
 
 
+def listed(text: str) -> tuple[str, ...]:
+    """The names in a text with commas between, each once."""
+    return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+
+
 def offered(kind: str) -> dict[str, EntryPoint]:
     """What installed packages offer of a kind: name -> entry point. Nothing of it is imported."""
     plural = f"{kind[:-1]}ies" if kind.endswith("y") else f"{kind}s"

@@ -51,7 +51,15 @@ def subcommand(
 
 def load_place(place: "Place") -> "Scenario":
     """The scenario, map or worlds; what is to be known of how it was read goes to the terminal, a line each."""
-    scenario = place.load()
+    return _told(place.load())
+
+
+def load_places(place: "Place") -> "tuple[Scenario, ...]":
+    """The same of several scenarios."""
+    return tuple(map(_told, place.load_all()))
+
+
+def _told(scenario: "Scenario") -> "Scenario":
     for note in getattr(scenario, "notes", ()):
         console().print(f"{scenario.name}: {note}", markup=False, highlight=False, soft_wrap=True)
     return scenario

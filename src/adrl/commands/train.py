@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from adrl.agents.methods import method_name
 from adrl.cli import STARTED_S
-from adrl.commands.options import load_place, tell_guidance
+from adrl.commands.options import load_places, tell_guidance
 from adrl.commands.progress import console, progress_bar
 from adrl.commands.run_options import parse_run
 from adrl.json_files import read_json
@@ -34,10 +34,12 @@ def main(arguments: Sequence[str]) -> int:
         COMMON,
     )
     require_folder("--out", config.out)
-    scenario = load_place(config)
+    scenarios = load_places(config)
     if not config.resume:  # what the run folder says holds
         tell_guidance(config, config.guidance)
-    with progress_bar(f"{method_name(config.method)} on {scenario.name}") as show:
+    with progress_bar(
+        f"{method_name(config.chosen_method)} on {', '.join(each.name for each in scenarios)}"
+    ) as show:
         result = train(
             config,
             on_progress=lambda progress: show(progress.fraction, _note(progress), progress.phase),

@@ -20,7 +20,6 @@ from adrl.registry import look_up
 from adrl.runs import RunConfig
 from adrl.simulators import NATIVE
 from adrl.types import GUIDANCE
-from adrl.worlds import load_robot
 
 ALL = "all"
 EVAL_INTERVAL_STEPS = 16_000
@@ -134,7 +133,7 @@ class CompareConfig(RunConfig):
         budgets += [] if learner.max_seconds is None else [f"{learner.max_seconds:g} s"]
         place = "" if self.env == NATIVE else f"in {self.env} "
         return (
-            f"scenario {self.load().name}, robot {load_robot(self.robot).name}, trained {place}with guidance "
+            f"scenario {self.load().name}, robot {self.one_robot.name}, trained {place}with guidance "
             f"{self.resolved_guidance()} for {' or '.join(budgets)}, {self.episodes} {self.split} tasks"
         )
 
@@ -151,7 +150,7 @@ class CompareConfig(RunConfig):
         del content["learner"]["seed"]
         # Names become what they stand for today: a robot's file may change.
         content["scenario"] = self.load().name
-        content["robot"] = json.loads(json.dumps(asdict(load_robot(self.robot))))
+        content["robot"] = json.loads(json.dumps(asdict(self.one_robot)))
         content["guidance"] = self.resolved_guidance()
         content["eval_guidance"] = ",".join(self.guidance_names)
         return content

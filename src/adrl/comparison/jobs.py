@@ -85,7 +85,7 @@ def run_job(config: CompareConfig, job: Job, started_s: float) -> None:
         api.evaluate(
             policy,
             scenario=config.load(),
-            robot=config.robot,
+            robot=config.one_robot,
             guidance=guidance,
             record=config.routes,
             split=config.split,

@@ -146,6 +146,12 @@ class NavSim:
         return robots.control_period_s / reference_period_s(robots.max_speed_mps)
 
     @property
+    def least_periods(self) -> float:
+        """The same of the kind with the shortest steps."""
+        robots = self._table.robot
+        return float((robots.control_period_s / reference_period_s(robots.max_speed_mps)).min())
+
+    @property
     def num_threads(self) -> int:
         """Threads that step the robots, this one included."""
         return self.native.num_threads

@@ -17,7 +17,6 @@ from adrl.registry import look_up
 from adrl.regret.cells import CELLS
 from adrl.regret.numbers import Array, Scores
 from adrl.types import RobotConfig
-from adrl.worlds import load_robot
 from adrl.worlds.tasks import GOAL_TOLERANCE_M, time_limit_s
 
 METHODS = (
@@ -118,7 +117,7 @@ def scores(comparisons: Mapping[str, CompareConfig]) -> tuple[Scores, dict[str, 
     for cell, config in complete.items():
         require_same(config, config.out)
         runs = _columns(config)
-        robot = load_robot(config.robot)
+        robot = config.one_robot
         success.append(runs["success"].mean(axis=2))
         time_s.append(penalised_time_s(runs, robot).mean(axis=2))
         solved = runs["success"].all(axis=(0, 1))

@@ -14,11 +14,13 @@ from adrl.observation import EncoderConfig
 from adrl.outputs import as_paths
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.ranges import Range
+from adrl.registry import listed
 from adrl.rewards.config import STANDING_AT_WORST
 from adrl.simulators import NATIVE, find_simulator
 from adrl.types import RobotConfig
 from adrl.worlds.families import RobotFamily
 from adrl.worlds.place import Place
+from adrl.worlds.robots import load_robots
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,13 +30,15 @@ class RunConfig(Place):
     robot: Annotated[str | RobotConfig | RobotFamily, tyro.conf.arg(constructor=str)] = "diffbot"
     """A robot's name (adrl list), a TOML file, or the object. A family, as any, gives each task a robot of its own, and
     the policy is told of its body: see encoder."""
-    method: Annotated[str | Method, tyro.conf.arg(constructor=str)] = "adrl"
-    """A training method's name (adrl list), or the function."""
+    method: Annotated[str | Method | None, tyro.conf.arg(constructor=str)] = None
+    """A training method's name (adrl list), or the function. Left out: adrl, and td3 with fine_tune, whose time no
+    expert takes."""
     paper_literal: bool = False
     """Compute every equation as the paper prints it, whatever the method."""
     guidance: str | None = None
     """goal: the policy sees the final goal; replan: that, and waypoints of its own map when blocked (eqs 18-23);
-    map: a waypoint on the A* path of the known map. Left out: map with --map or --world, else goal."""
+    map: a waypoint on the A* path of the known map. Left out: map with --map or --world, else goal. Several, with
+    commas between, are all learned; the first is the policy's where none is asked for."""
     replanner: ReplannerConfig = field(default_factory=ReplannerConfig)
     env: str = NATIVE
     """What moves and senses the robots of training: a simulator's name (adrl list). Ours is native; the others do not
@@ -78,22 +82,41 @@ class RunConfig(Place):
         for name, given in (("dataset", self.dataset is not None), ("expert", chosen)):
             if given and not learner.uses_expert:
                 raise ConfigError(
-                    f"method {method_name(self.method)!r} learns without an expert; leave out {name}"
+                    f"method {method_name(self.chosen_method)!r} learns without an expert; leave out {name}"
                 )
         if self.dataset is not None and chosen:
             raise ConfigError(
                 f"expert {self.expert} would drive, and dataset holds what was driven; leave one out"
             )
 
+    @property
+    def chosen_method(self) -> str | Method:
+        """The method that was given, or the one for want of it."""
+        return self.method or ("adrl" if self.fine_tune is None else "td3")
+
     def resolved(self) -> TrainConfig:
         """The learner's configuration as the method has it, under the run's guidance."""
-        learner = method_config(self.method, self.learner)
-        learner = replace(learner, schedule=learner.schedule.under(self.resolved_guidance()))
+        learner = method_config(self.chosen_method, self.learner)
+        mapless = [name for name in self.guidances if name != "map"]
+        learner = replace(learner, schedule=learner.schedule.under(mapless[0] if mapless else "map"))
         return learner.literal() if self.paper_literal else learner
 
     def resolved_guidance(self) -> str:
         """The guidance that was given, or the place's own."""
         return self.guidance or self.default_guidance
+
+    @property
+    def one_robot(self) -> RobotConfig:
+        """The robot, where it is one. Raises AdrlError."""
+        robot = load_robots(self.robot)
+        if isinstance(robot, RobotFamily):
+            raise ConfigError(f"robot {robot.name} is a family of robots; give one robot")
+        return robot
+
+    @property
+    def guidances(self) -> tuple[str, ...]:
+        """All that are learned."""
+        return listed(self.resolved_guidance())
 
     def resolved_replanner(self) -> ReplannerConfig:
         """The replanner's constants, as printed where all is."""

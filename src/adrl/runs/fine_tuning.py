@@ -47,7 +47,7 @@ class Start:
         learner, encoder, widths = config.learner, config.encoder, self.policy.config.widths
         if config.resolved().critic_warmup_updates >= FOR_EVER:
             raise ConfigError(
-                f"method {method_name(config.method)!r} clones alone, and fine-tuning would end as it began; "
+                f"method {method_name(config.chosen_method)!r} clones alone, and fine-tuning would end as it began; "
                 "give another method, or leave out fine_tune"
             )
         mine = (encoder.fields(), EncoderConfig().fields()), (learner.td3.widths, type(learner.td3)().widths)

@@ -38,22 +38,24 @@ def about_policy(
 
     planner: of the demonstrations. setup_seconds: wall clock of what came before the first update, told apart.
     """
-    config, learner, name = run.config, run.learner, method_name(run.config.method)
-    settings = asdict(replace(config, robot=run.robot.name, guidance=run.guidance))
+    config, learner, name = run.config, run.learner, method_name(run.config.chosen_method)
+    places = ",".join(scenario.name for scenario in run.scenarios)
+    settings = asdict(replace(config, robot=run.robot.name, guidance=",".join(run.guidances)))
     settings |= {"demonstration_steps": run.demonstration_steps}
     settings |= {"method": name, "expert": str(run.expert)}
-    replans_as_printed = run.guidance != "replan" or run.replanner == run.replanner.literal()
+    replans_as_printed = "replan" not in run.guidances or run.replanner == run.replanner.literal()
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next
         widths=learner.td3.widths,
         robot=asdict(run.robot) if isinstance(run.robot, RobotConfig) else {},
         family={} if isinstance(run.robot, RobotConfig) else asdict(run.robot),
         encoder=run.encoder.fields(),
-        guidance=run.guidance,
+        guidance=run.guidances[0],
         method=name,
         extra={
             "environment": {
-                "scenario": run.scenario.name,
+                "scenario": places,
+                **({"guidances": list(run.guidances)} if len(run.guidances) > 1 else {}),
                 "num_envs": config.num_envs,
                 "task_pool": config.task_pool,
                 "task_priority": config.task_priority,
@@ -73,7 +75,7 @@ def about_policy(
                 "maturity": None if learner.dynamic_reward else learner.static_maturity,
             },
             **(setup_seconds or {}),
-            "scenario": run.scenario.name,
+            "scenario": places,
             "paper_literal": learner == learner.literal() and replans_as_printed,
             "settings": json.loads(json.dumps(settings, default=str)),
         },
@@ -84,7 +86,9 @@ def _worlds(run: "Run") -> dict[str, list[str] | None]:
     """The entry that says which given worlds the policy has learned from, by fingerprint: None where a part of what it
     learns from does not say. No entry for a run that has drawn ones alone.
     """
-    sources: list[set[str] | None] = [training_fingerprints(run.scenario)]
+    sources: list[set[str] | None] = [
+        set[str]().union(*(training_fingerprints(scenario) for scenario in run.scenarios))
+    ]
     if run.start is not None:
         sources.append(training_worlds(run.start.policy.config))
     if run.config.dataset is not None:

@@ -2,7 +2,7 @@
 
 import functools
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
@@ -13,7 +13,7 @@ from adrl.agents.config import TrainConfig
 from adrl.agents.interface import Validation
 from adrl.agents.methods import method_name
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
-from adrl.envs import Mixture, NavVectorEnv, Setting
+from adrl.envs import Kind, Mixture, NavVectorEnv, Setting
 from adrl.envs.mixture import TaskPool
 from adrl.errors import ConfigError
 from adrl.evaluation.rollout import Rewards, rollout
@@ -35,11 +35,11 @@ class Run:
 
     config: RunConfig
     """As it was asked for: sizes, budgets and files."""
-    scenario: Scenario
+    scenarios: tuple[Scenario, ...]
     robot: RobotConfig | RobotFamily
     learner: TrainConfig
     """As the method has it."""
-    guidance: str
+    guidances: tuple[str, ...]
     replanner: ReplannerConfig
     encoder: EncoderConfig
     taken_as: RobotConfig | None
@@ -57,23 +57,23 @@ class Run:
         """Look up all that the configuration names. Raises AdrlError."""
         start = None if config.fine_tune is None else Start.of(config.fine_tune)
         config = config if start is None else start.begun(config)
-        scenario, robot = config.load(), load_robots(config.robot)
+        scenarios, robot = config.load_all(), load_robots(config.robot)
+        _require_native(config, robot)
         if isinstance(robot, RobotFamily):
             config = _of_family(config, robot, start)
-        guidance = config.resolved_guidance()
         return cls(
             config=config,
-            scenario=scenario,
+            scenarios=scenarios,
             robot=robot,
             learner=config.resolved(),
-            guidance=guidance,
+            guidances=config.guidances,
             replanner=config.resolved_replanner(),
             encoder=config.encoder,
             taken_as=_taken_as(robot, start),
             expert=find_expert(config.expert),
             simulator=find_simulator(config.env),
             start=start,
-            folder=config.out or _default_folder(config, scenario, robot, guidance),
+            folder=config.out or _default_folder(config, scenarios, robot),
         )
 
     @property
@@ -91,9 +91,9 @@ class Run:
         """The environment of training, with the learner's reward and first S. options: of NavVectorEnv."""
         learner = self.learner
         given = {
-            "scenario": self.scenario,
+            "scenario": self.scenarios,
             "robot": self.robot,
-            "guidance": self.guidance,
+            "guidance": self.guidances,
             "replanner": self.replanner,
             "task_pool": self.config.task_pool,
             "task_priority": 0.0,
@@ -110,41 +110,38 @@ class Run:
         return about_policy(self, planner, setup_seconds)
 
     def validation(self) -> Callable[[MlpPolicy, float], Validation]:
-        """Drives the first validation tasks, drawn when first asked for."""
+        """Drives the first validation tasks, drawn when first asked for, all side by side."""
         learner = self.learner
 
         @functools.cache
-        def drawn() -> tuple[list[Task], TaskPool]:
-            count, given = self.config.validation_episodes, self.robot
-            robots = (
-                [given]
-                if isinstance(given, RobotConfig)
-                else [given.draw("validation", i) for i in range(count)]
-            )
-            mixture = Mixture(robots=robots, guidances=(self.guidance,), scenarios=(self.scenario,))
-            pool = TaskPool(mixture, "validation", count)
-            return [pool[i] for i in range(count)], pool
+        def pool() -> tuple[TaskPool, list[Task]]:
+            count = self.config.validation_episodes
+            pool = TaskPool(self.mixture("validation", count), "validation", count)
+            return pool, [pool[i] for i in range(count)]
 
         def evaluate(policy: MlpPolicy, maturity: float) -> Validation:
-            tasks, pool = drawn()
-            setting = Setting(
-                robot=pool.kinds[0].robot,
-                guidance=self.guidance,
-                encoder=self.encoder,
-                replanner=self.replanner,
-                maturity=policy.config.maturity,
-                taken_as=self.taken_as,
-            )
+            drawn, driven = pool()
+            settings = [
+                Setting(
+                    robot=kind.robot,
+                    guidance=kind.guidance,
+                    encoder=self.encoder,
+                    replanner=self.replanner,
+                    maturity=policy.config.maturity,
+                    taken_as=kind.taken_as,
+                )
+                for kind in drawn.kinds
+            ]
             result = rollout(
                 policy,
-                tasks,
-                [replace(setting, robot=kind.robot) for kind in pool.kinds],
-                kinds=pool.kind.tolist(),
+                driven,
+                settings,
+                kinds=drawn.kind.tolist(),
                 num_threads=self.num_threads,
                 rewards=Rewards(config=learner.reward, gamma=learner.td3.gamma, maturity=maturity),
             )
             solved = result.episodes.success
-            limits_s = [task.time_limit_s for task in tasks]
+            limits_s = [task.time_limit_s for task in driven]
             return Validation(
                 success=float(solved.mean()),
                 seconds=float(np.where(solved, result.episodes.time_s, limits_s).mean()),
@@ -154,20 +151,44 @@ class Run:
 
         return evaluate
 
+    def mixture(self, split: str, count: int) -> Mixture:
+        """What `count` tasks of a split are made of."""
+        robots: list[RobotConfig | Kind]
+        if isinstance(self.robot, RobotFamily):
+            robots = [self.robot.draw(split, i) for i in range(count)]
+        else:
+            robots = [Kind(robot=self.robot, guidance=g, taken_as=self.taken_as) for g in self.guidances]
+        return Mixture(robots=robots, guidances=self.guidances, scenarios=self.scenarios)
+
 
 REACH_M = 10.0
 """Where the scale of the scan's distances ends for a policy of a family, if nothing else is said: farther is free."""
 
 
+def _require_native(config: RunConfig, robot: RobotConfig | RobotFamily) -> None:
+    """Raises ConfigError for several robots, places or guidances where one of each is wanted."""
+    given = {"robot": robot.name, "scenario": config.scenario, "guidance": config.guidance}
+    several = {
+        "robot": isinstance(robot, RobotFamily),
+        "scenario": len(config.load_all()) > 1,
+        "guidance": len(config.guidances) > 1,
+    }
+    for name in (name for name, is_so in several.items() if is_so):
+        if config.env != NATIVE:
+            raise ConfigError(
+                f"{name} {given[name]} is several, and {config.env} drives one; give one, or leave out env"
+            )
+        if config.dataset is not None:
+            raise ConfigError(
+                f"{name} {given[name]} is several, and a dataset is of one; give one, or leave out dataset"
+            )
+
+
 def _of_family(config: RunConfig, family: RobotFamily, start: Start | None) -> RunConfig:
     """The run of a family: the policy is told of the body, and metres read the same for all of its robots.
 
-    Raises ConfigError for a policy to begin with that is not, and for another simulator, which has one robot.
+    Raises ConfigError for a policy to begin with that is not.
     """
-    if config.env != NATIVE:
-        raise ConfigError(
-            f"robot {family.name} is a family, and {config.env} drives one robot; give one, or leave out env"
-        )
     if start is not None and not start.setup.encoder.body:
         raise ConfigError(
             f"robot {family.name} is a family, and the policy of fine_tune is not told of the body: it was trained for "
@@ -186,9 +207,10 @@ def _taken_as(robot: RobotConfig | RobotFamily, start: Start | None) -> RobotCon
 
 
 def _default_folder(
-    config: RunConfig, scenario: Scenario, robot: RobotConfig | RobotFamily, guidance: str
+    config: RunConfig, scenarios: Sequence[Scenario], robot: RobotConfig | RobotFamily
 ) -> Path:
     """Its name tells what the run is."""
-    parts = (method_name(config.method), scenario.name, robot.name, guidance)
+    places = "-".join(scenario.name for scenario in scenarios)
+    parts = (method_name(config.chosen_method), places, robot.name, "-".join(config.guidances))
     name = "-".join(re.sub(r"[^\w.-]+", "-", part) for part in parts)
     return Path("runs") / f"{name}-s{config.learner.seed}"

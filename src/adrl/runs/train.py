@@ -20,7 +20,6 @@ from adrl.imitation import Demonstrations, Source, collect, load_minari
 from adrl.imitation.best_planner import best_planner
 from adrl.imitation.probe import Probe, as_shown, probe_steps, record_probe
 from adrl.outputs import locked, require_folder
-from adrl.rewards.step import step_discounts
 from adrl.runs.config import RunConfig
 from adrl.runs.record import versions
 from adrl.runs.run import Run
@@ -57,8 +56,7 @@ def train(
     if not config.resume:
         _require_no_run(run, resumed)
     elif resumed and config.guidance is None:
-        guidance = checkpoint.settings(run.folder).get("guidance")
-        run = Run.of(replace(config, guidance=guidance, out=run.folder))
+        run = Run.of(replace(config, guidance=_guidance_of(run.folder), out=run.folder))
     alone = run.robot if isinstance(run.robot, RobotConfig) else None
     strange = None if run.start is None or alone is None else run.start.strange(alone)
     if strange is not None:
@@ -87,6 +85,13 @@ def _nothing_by_halves(folder: Path) -> Iterator[None]:
             for name in (TENSORBOARD_FOLDER, checkpoint.FOLDER):
                 shutil.rmtree(folder / name, ignore_errors=True)
         raise
+
+
+def _guidance_of(folder: Path) -> str | None:
+    """What the newest checkpoint of a run says, as option guidance takes it."""
+    said = checkpoint.settings(folder)
+    several = (said.get("environment") or {}).get("guidances")
+    return ",".join(several) if several else said.get("guidance")
 
 
 def _require_no_run(run: Run, resumed: bool) -> None:
@@ -183,7 +188,7 @@ def _probe(run: Run, planner: str, demonstrations: Demonstrations | None) -> Pro
     task_pool = min(run.config.task_pool, PROBE_STATES)
     env = run.make_env(2 * PROBE_STATES, randomize=False, task_pool=task_pool)
     env.expert = planner
-    seed, steps = run.learner.seed, probe_steps(step_discounts(run.learner.td3.gamma, env.periods).max())
+    seed, steps = run.learner.seed, probe_steps(run.learner.td3.gamma**env.sim.least_periods)
     if run.start is not None:
         start = run.start.policy
         return record_probe(env, seed, steps, lambda: start.act(env.sim.observe()))
@@ -204,6 +209,6 @@ def _demonstrations(run: Run, env: NavVectorEnv) -> Demonstrations:
         return replace(load_minari(config.dataset, Source.of(env)), periods=float(env.periods[0]))
     if run.demonstration_steps == 0:
         raise ConfigError(
-            f"method {method_name(config.method)!r} needs demonstrations; demonstration_steps is 0"
+            f"method {method_name(config.chosen_method)!r} needs demonstrations; demonstration_steps is 0"
         )
     return collect(env, run.demonstration_steps, expert=run.expert, seed=config.learner.seed)

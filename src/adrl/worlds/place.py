@@ -10,6 +10,7 @@ from adrl.errors import ConfigError
 from adrl.json_files import checked
 from adrl.outputs import as_paths
 from adrl.ranges import Range, check_ranges
+from adrl.registry import listed
 from adrl.types import Scenario
 from adrl.worlds import BarnScenario, MapScenario, SdfScenario, get_scenario
 from adrl.worlds.fixed import FixedWorld
@@ -22,7 +23,8 @@ class Place:
     """Where to drive: one of scenario, map, world and barn."""
 
     scenario: str | None = None
-    """A family of worlds; adrl list names them. clutter when neither a map nor a world is given."""
+    """A family of worlds; adrl list names them. clutter when neither a map nor a world is given. For training also
+    several, with commas between them."""
     map: Path | None = None
     """YAML file of a ROS map_server map, instead of a scenario."""
     unknown: Unknown = "solid"
@@ -77,17 +79,27 @@ class Place:
 
         Raises UnknownName, MapError, WorldError, ConfigError, MissingExtra.
         """
+        first, *others = self._loaded
+        if others:
+            raise ConfigError(f"scenario is {self.scenario}; give one of them")
+        return first
+
+    def load_all(self) -> tuple[Scenario, ...]:
+        """As load(), and several scenarios where several are named."""
         return self._loaded
 
     @cached_property
-    def _loaded(self) -> Scenario:
-        return among_people(self._place(), self.people, self.people_share, self.legs)
+    def _loaded(self) -> tuple[Scenario, ...]:
+        return tuple(
+            among_people(place, self.people, self.people_share, self.legs) for place in self._places()
+        )
 
-    def _place(self) -> Scenario:
+    def _places(self) -> tuple[Scenario, ...]:
         if self.map is not None:
-            return MapScenario(self.map, self.unknown)
+            return (MapScenario(self.map, self.unknown),)
         if self.world is not None:
-            return SdfScenario(self.world, models=self.models, ignore=self.ignore)
+            return (SdfScenario(self.world, models=self.models, ignore=self.ignore),)
         if self.barn is not None:
-            return BarnScenario(self.barn, self.barn_held_out)
-        return get_scenario(self.scenario or "clutter")
+            return (BarnScenario(self.barn, self.barn_held_out),)
+        given = self.scenario or "clutter"
+        return tuple(get_scenario(one) for one in (listed(given) if isinstance(given, str) else (given,)))
