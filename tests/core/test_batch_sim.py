@@ -259,6 +259,25 @@ def test_masks_and_outputs_of_the_wrong_kind_are_refused():
         sim.plan(few, np.ones((3, 2)))
 
 
+def test_rows_of_no_kind_are_refused():
+    """Whatever stands in the caller's array, kernels read no kind that is not there."""
+    robot, b = a_robot(), buffers(3, 16)
+    sim = make(**b)
+    control = LocalControl(3, robot, dwa_config(robot), kind=b["kind"]).native
+    for wrong in (-1, 1, 2**40):
+        b["kind"][1] = wrong
+        for call in (
+            lambda: sim.reset(np.ones(3, np.uint8)),
+            sim.step,
+            lambda: sim.follow(np.zeros((3, 3))),
+            lambda: sim.plan(control, np.zeros((3, 2))),
+        ):
+            with pytest.raises(ValueError, match=f"row 1 is of kind {wrong}; give 0 to 0"):
+                call()
+    b["kind"][1] = 0
+    sim.step()
+
+
 def test_a_command_that_is_not_finite_moves_nobody():
     """A diverged policy is told so; its NaN in an inactive row does no harm."""
     fleet = a_fleet().reset()

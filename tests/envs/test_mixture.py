@@ -189,3 +189,17 @@ def test_a_robot_that_fits_nowhere_gives_its_task_to_the_next_and_is_named(caplo
         NavVectorEnv(
             2, scenario=Narrow(), robot=replace(ROBOTS["jackal"], radius_m=0.5, footprint_m=None), seed=0
         ).reset()
+
+
+def test_every_row_is_drawn_as_its_own_robot() -> None:
+    env = mixed(3, render_mode="rgb_array", seed=2)
+    env.reset()
+    pictures = env.render()
+    assert pictures is not None
+    for row, picture in enumerate(pictures):
+        alone = mixed(1, render_mode="rgb_array", seed=2 + row)
+        alone.reset()
+        assert alone.sim.b["kind"][0] == env.sim.b["kind"][row]
+        own = alone.render()
+        assert own is not None
+        np.testing.assert_array_equal(picture, own[0])

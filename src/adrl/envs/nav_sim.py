@@ -225,7 +225,7 @@ class NavSim:
         history = self._history
         if history is not None and not isinstance(rows, slice):
             history = history.of(rows)
-        return self._ranges()[rows], goal, b["twist"][rows], self._last_action[rows], history
+        return self._ranges(rows), goal, b["twist"][rows], self._last_action[rows], history
 
     def step(self, actions: F32) -> Outcome:
         """Execute (N, 2) normalised actions for one control period on every active robot."""
@@ -372,16 +372,19 @@ class NavSim:
         waypoints = self.replanner.update(self._ranges(), self.b["odometry"], active & led)
         self.b["waypoint"][led] = waypoints[led]
 
-    def _ranges(self) -> F32:
+    def _ranges(self, rows: Rows = ALL) -> F32:
         """(N, K) metres, by a LiDAR of the reach that the policy knows; beyond the robot's own all is free."""
-        ranges = self.b["ranges"]
+        ranges = self.b["ranges"][rows]
         if self._reach_as_known:
             return ranges
         reach, known = (
-            reach.astype(np.float32)[:, None]
-            for reach in (self.rows.robot.max_range_m, self.rows.known.max_range_m)
+            numbers.max_range_m[rows].astype(np.float32)[:, None]
+            for numbers in (self.rows.robot, self.rows.known)
         )
-        return np.where((ranges < reach) | (reach == known), np.minimum(ranges, known), known)
+        taken = np.minimum(ranges, known)
+        farther = np.flatnonzero(reach < known)
+        taken[farther] = np.where(ranges[farther] < reach[farther], ranges[farther], known[farther])
+        return taken
 
     def _distance(self, rows: Rows = ALL) -> Array:
         """(N,) metres to the goal: straight, or along the path for guidance `map`.

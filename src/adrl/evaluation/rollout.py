@@ -139,9 +139,7 @@ def rollout(
         drawers = [np.random.default_rng(stream.spawn(1)[0]) for stream in streams]
         sim.reset(np.arange(len(chunk)), chunk, seeds, drawers, kinds=kind)
         keep = max(0, min(record - first, len(chunk)))
-
-        def observe(sim: NavSim = sim) -> NDArray[np.floating]:
-            return sim.observe() if encoder is None else encoder.encode(*sim.measured())
+        observe = _Eyes(sim, encoder)
 
         def progress(ended: int, before: int = done) -> None:
             if on_step is not None:
@@ -166,6 +164,26 @@ def rollout(
         discounted_return=np.concatenate(returns),
         replans=np.concatenate(replans),
     )
+
+
+class _Eyes:
+    """What a policy sees of the robots that drive: at those that have ended nobody looks again."""
+
+    def __init__(self, sim: NavSim, encoder: Encoder | None) -> None:
+        self._sim, self._encoder = sim, encoder
+        self._seen: F32 | None = None
+
+    def __call__(self) -> NDArray[np.floating]:
+        """(N, D); the rows of robots that have ended are what was seen before."""
+        if self._encoder is not None:
+            return self._encoder.encode(*self._sim.measured())
+        driving = np.flatnonzero(self._sim.b["active"])
+        if self._seen is None or len(driving) == self._sim.num_envs:
+            self._seen = self._sim.observe()
+        else:
+            self._seen = self._seen.copy()  # a policy may have kept the array
+            self._seen[driving] = self._sim.observe(driving)
+        return self._seen
 
 
 def _settings(given: Setting | RobotConfig | Sequence[Setting], encoder: Encoder | None) -> Sequence[Setting]:
