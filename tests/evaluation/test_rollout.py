@@ -160,8 +160,9 @@ def test_robots_side_by_side_drive_as_one_after_the_other(monkeypatch: pytest.Mo
         recorder = TraceRecorder(arrivals=9, failures=9)
         told = {"numbers": numbers, "rewards": rewards, "recorders": [recorder], "record": len(tasks)}
         whole = rollout(ScanReader(), tasks, settings, kinds=kinds, num_threads=2, **told)
+        expected = Episodes.concatenated([part.episodes for part in parts])
         for name, column in vars(whole.episodes).items():
-            assert_array_equal(column, np.concatenate([getattr(part.episodes, name) for part in parts]), name)
+            assert_array_equal(column, getattr(expected, name), name)
         assert_array_equal(whole.start, np.concatenate([part.start for part in parts]))
         assert_array_equal(whole.replans, np.concatenate([part.replans for part in parts]))
         assert_array_equal(

@@ -109,8 +109,8 @@ class Episodes:
 
     @classmethod
     def concatenated(cls, parts: Sequence[Self]) -> Self:
-        """One part after the other."""
-        names = [field.name for field in fields(cls)]
+        """One part after the other. What people had of the robots is told where they walked in all parts."""
+        names = [f.name for f in fields(cls) if all(getattr(part, f.name) is not None for part in parts)]
         return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
     def to_table(self) -> "pa.Table":

@@ -282,4 +282,5 @@ def _actions(
 
 
 def _concatenate(parts: list[dict[str, NDArray[np.generic]]]) -> Episodes:
-    return Episodes(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})  # pyright: ignore
+    names = [name for name in parts[0] if all(name in part for part in parts)]
+    return Episodes(**{name: np.concatenate([part[name] for part in parts]) for name in names})  # pyright: ignore
