@@ -171,3 +171,11 @@ def test_one_robot_is_no_family():
         ConfigError, match="'jackal' is one robot, and robots are drawn from a family; give any"
     ):
         evaluate_family(Wary(), family="jackal")
+
+
+def test_what_takes_one_robot_refuses_a_family(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    assert run_cli("collect", "--robot", "any", "--out", tmp_path / "drives") == 2
+    assert (
+        "is a family of robots, and this takes one: give one of it, such as any:test:0"
+        in capsys.readouterr().err
+    )

@@ -84,7 +84,7 @@ def _driving_seconds(
         task = tasks[number % len(tasks)]
         sim.reset(np.array([0]), [task], np.array([number], np.uint64), np.random.default_rng(number))
         world = task.world if guidance == "map" else None
-        navigator = Navigator(policy, guidance=guidance, world=world)
+        navigator = Navigator(policy, robot=robot, guidance=guidance, world=world)
         navigator.set_goal(task.goal)
         for k in range(round(task.time_limit_s / period_s)):
             now_s = k * period_s

@@ -108,7 +108,7 @@ def _from_simulator(options: CollectOptions) -> int:
     env = NavVectorEnv(
         options.num_envs,
         scenario=load_place(options),
-        robot=options.robot,
+        robot=load_robot(options.robot),
         guidance=options.guidance or options.default_guidance,
         encoder=options.encoder,
         task_priority=0.0,
