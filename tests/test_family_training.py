@@ -49,7 +49,7 @@ def test_each_task_has_a_robot_of_its_own_of_the_training_split():
             {"fine_tune": Path("default")},
             "policy of fine_tune is not told of the body: it was trained for robot diffbot",
         ),
-        ({"env": "gazebo"}, "robot any is a family, and gazebo drives one robot"),
+        ({"env": "gazebo"}, "robot any is several, and gazebo drives one; give one"),
     ],
     ids=["fine_tune", "env"],
 )
