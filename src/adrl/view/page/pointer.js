@@ -30,7 +30,7 @@ function obstacleAt(lane, { x, y, scale }) {
     }),
     ...world.polygons.map((flat, index) => ({ kind: 'polygons', index, away: awayFrom(groups(flat, 2), x, y) })),
   ].filter(({ away }) => away < NEAR_PX * scale).sort((a, b) => a.away - b.away);
-  return found[0] ?? null;
+  return found.length ? { kind: found[0].kind, index: found[0].index } : null;
 }
 
 /** Distance to a convex polygon, 0 in it. */
