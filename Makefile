@@ -20,7 +20,7 @@ DEV := $(VENV)/.dev
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup machine build ros2 test test-fast check test-core docs format demo wheel clean
+.PHONY: help setup machine build ros2 test test-fast check test-core tables docs format demo wheel clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
@@ -97,6 +97,7 @@ check: setup ## format, lint, types, import layers, documentation, C++ format an
 	@$(BIN)/ruff check --quiet
 	@$(BIN)/basedpyright
 	@$(BIN)/lint-imports --no-logo
+	@$(PY) docs/tables.py --check
 	@$(MAKE) --no-print-directory docs
 	@echo $(CXX_FILES) | xargs --no-run-if-empty $(BIN)/clang-format --dry-run --Werror
 	@$(MAKE) --no-print-directory test-core
@@ -113,6 +114,9 @@ test-core: $(TOOLS) ## C++ unit tests (Debian package doctest-dev)
 	else \
 	    echo "C++ tests skipped: doctest is missing (apt-get install doctest-dev)"; \
 	fi
+
+tables: $(DEV) ## the tables of README.md and docs/ from the files in docs/results
+	@$(PY) docs/tables.py
 
 docs: $(DEV) ## the documentation in build/site; a warning fails
 	@said=$$(NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict 2>&1) || { echo "$$said" >&2; exit 1; } # --quiet counts no warnings

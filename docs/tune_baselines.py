@@ -136,4 +136,4 @@ def tune(options: Options, path: Path = RESULTS) -> dict[str, Any]:
 
 if __name__ == "__main__":
     chosen = tyro.cli(Options)
-    print(json.dumps(tune(chosen), indent=2))  # noqa: T201
+    print(json.dumps(tune(chosen), indent=2))

@@ -119,7 +119,7 @@ def main(options: Options) -> None:
             study.tell(trial, row["value"])
         rows.append(row)
         files.write_json(RESULTS, results)
-        print(len(rows), round(row["value"], 3), row["cells"], flush=True)  # noqa: T201
+        print(len(rows), round(row["value"], 3), row["cells"], flush=True)
 
 
 def measure(planner: str, constants: dict[str, float]) -> dict[str, Any]:

@@ -1,0 +1,109 @@
+"""The tables of the pages, made from the files they stand in: no number of them is written by hand.
+
+    python docs/tables.py            writes every table of README.md and docs/ anew
+    python docs/tables.py --check    says which pages do not tell what their files say, and fails
+
+A page holds a table between two comments, the first of which names a form of FORMS and a file below docs/results:
+
+    <!-- table: compare compare/jackal-131k.json -->
+    <!-- end of table -->
+"""
+
+import argparse
+import json
+import re
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from adrl import files
+from adrl.report.markdown import cell, table
+from adrl.reproduction.reported import label
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS = ROOT / "docs" / "results"
+BLOCK = re.compile(r"(<!-- table: (?P<form>\S+) (?P<file>\S+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
+
+
+def compare_rows(content: Any) -> list[str]:
+    """The rows of the results.json of adrl compare: intervals over seeds, of a planner over tasks."""
+    headings = (
+        *("method", "guidance", "seeds", "success, %", "worst seed, %", "hit, %"),
+        *("Av.T, s", "path / shortest"),
+    )
+    rows = [
+        [
+            label(row["method"]),
+            f"`{row['guidance']}`",
+            "-" if row["seeds"] is None else str(row["seeds"]),
+            cell(row, "success", 1, 100.0),
+            "-" if row["success_worst"] is None else f"{100.0 * row['success_worst']:.1f}",
+            cell(row, "collision", 1, 100.0),
+            cell(row, "time_s", 1),
+            cell(row, "optimality", 2),
+        ]
+        for row in content["rows"]
+    ]
+    return table(headings, rows)
+
+
+def regret_rows(content: Any) -> list[str]:
+    """The methods of the regret.json of adrl regret."""
+    headings = ("method", "regret in success, points", "greatest", "regret in time, %", "greatest")
+    rows = [
+        [
+            row["method"],
+            cell(row, "regret_success", 1, 100.0),
+            f"{100.0 * row['worst_success']:.1f}",
+            cell(row, "regret_time", 1, 100.0),
+            f"{100.0 * row['worst_time']:.1f}",
+        ]
+        for row in content["rows"]
+    ]
+    return table(headings, rows)
+
+
+FORMS: dict[str, Callable[[Any], list[str]]] = {"compare": compare_rows, "regret": regret_rows}
+"""How a file becomes a table."""
+
+
+def rewritten(page: str) -> str:
+    """The page with its tables as their files have them. Raises KeyError for an unknown form, OSError for no file."""
+
+    def anew(match: re.Match[str]) -> str:
+        content = json.loads((RESULTS / match["file"]).read_text(encoding="utf-8"))
+        lines = FORMS[match["form"]](content)
+        return match[1] + "\n" + "\n".join(lines) + "\n" + match[4]
+
+    return BLOCK.sub(anew, page)
+
+
+def pages() -> Iterable[Path]:
+    """README.md and the pages of the documentation."""
+    yield ROOT / "README.md"
+    yield from sorted((ROOT / "docs").rglob("*.md"))
+
+
+def main() -> int:
+    """Write, or check."""
+    parser = argparse.ArgumentParser(description="Make the tables of the pages from the files they name.")
+    parser.add_argument("--check", action="store_true", help="change nothing; fail where a page differs")
+    check = parser.parse_args().check
+    differing = []
+    for path in pages():
+        text = path.read_text(encoding="utf-8")
+        anew = rewritten(text)
+        if anew != text:
+            differing.append(path)
+            if not check:
+                files.atomic_write_text(path, anew)
+    for path in differing:
+        print(
+            f"{path.relative_to(ROOT)}: {'differs from its files; run python docs/tables.py' if check else 'written'}"
+        )
+    return 1 if check and differing else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
