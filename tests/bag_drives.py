@@ -31,11 +31,11 @@ def collect_into_bag(
 def _watch(env: NavVectorEnv, recorder: BagRecorder) -> None:
     reset, step, begun = env.sim.reset, env.sim.step, False
 
-    def watched_reset(*arguments: Any) -> None:
+    def watched_reset(*arguments: Any, **named: Any) -> None:
         nonlocal begun
         if begun:
             recorder.end(np.ones((3, 1), bool))
-        reset(*arguments)
+        reset(*arguments, **named)
         recorder.begin(env.sim, np.zeros(1, np.int64))
         begun = True
 

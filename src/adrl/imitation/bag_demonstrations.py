@@ -221,6 +221,7 @@ def _demonstrations(
         features=features(taken_from, RewardConfig()),
         terminated=reached,
         truncated=ended & ~reached,
+        periods=np.broadcast_to(step.periods, len(moved)),
     )
 
 
