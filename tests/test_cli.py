@@ -45,6 +45,7 @@ from adrl.commands.reproduce import ReproduceOptions
 from adrl.commands.robot import RobotOptions
 from adrl.commands.run_options import parse_run
 from adrl.commands.train import COMMON as TRAIN_COMMON
+from adrl.commands.view import ViewOptions
 from adrl.comparison.config import CompareConfig
 from adrl.deploy.policy import SHIPPED
 from adrl.evaluation.results import read_episodes
@@ -56,11 +57,12 @@ from adrl.rewards.weights import EXTRA_TERMS
 from adrl.runs import RunConfig
 from adrl.simulators import SIMULATORS
 from adrl.types import GUIDANCE
-from adrl.worlds import ROBOTS, SCENARIOS
+from adrl.worlds import FAMILIES, ROBOTS, SCENARIOS
 from small_run import TRAIN, finished_run, run_cli
 
 OPTIONS: dict[str, Any] = {
     "robot": RobotOptions,
+    "view": ViewOptions,
     "train": RunConfig,
     "evaluate": EvaluateOptions,
     "collect": CollectOptions,
@@ -97,6 +99,7 @@ SUPPRESSED = {
     "report": {"folder"},
     "calibrate": {"drives"},
     "robot": {"robot"},
+    "view": {"run"},
 }
 """Options that a command sets itself, or that are given without their name."""
 METRICS = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")
@@ -209,6 +212,7 @@ class TestHelp:
         assert named == {
             *(
                 *ROBOTS,
+                *FAMILIES,
                 *SCENARIOS,
                 *METHODS,
                 *SB3_METHODS,
