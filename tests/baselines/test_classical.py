@@ -20,8 +20,8 @@ from adrl.worlds.robots import load_robot
 FORESEEING = sorted(name for name in PLANNERS if not name.endswith("-static"))
 each_planner = pytest.mark.parametrize("name", FORESEEING)
 ROBOT = RobotConfig()
-MEASURED = ("ranges", "odometry", "twist", "active")
-"""What a robot knows of itself without a map; and whether it drives."""
+MEASURED = ("kind", "ranges", "odometry", "twist", "active")
+"""What a robot knows of itself without a map: what it is, too; and whether it drives."""
 DOCS = Path(__file__).parents[2] / "docs"
 
 

@@ -54,7 +54,11 @@ def test_shapes_types_and_count() -> None:
     """At least as many steps as asked for, a whole number of rows."""
     data = collect(NavVectorEnv(6, task_pool=8), 100)
     assert len(data) == 102
-    assert {column.dtype.name for column in columns(data).values()} == {"float32", "bool"}
+    assert {name: column.dtype.name for name, column in columns(data).items() if column.dtype != bool} == {
+        name: "float64" if name == "periods" else "float32"
+        for name in columns(data)
+        if name not in ("terminated", "truncated")
+    }
     assert data.reward_terms.shape == (102, len(REWARD_TERMS))
     assert all(column.flags.c_contiguous for column in columns(data).values())
 

@@ -96,7 +96,7 @@ def _ours(width: int, method: str) -> Work:
     for row in range(ROWS):
         step = _columns(NUM_ENVS, seed=row)
         step["terms"] = step.pop("reward_terms")
-        learner.replay.add(**step, maturity=0.0)
+        learner.replay.add(**step, maturity=0.0, periods=np.ones(NUM_ENVS))
 
     def work() -> int:
         for _ in range(UPDATES // config.updates_per_iteration):

@@ -25,6 +25,7 @@ from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.planning.local_control import TITLES
 from adrl.registration import ENV_ID
 from adrl.rewards import FEATURES, REWARD_TERMS, RewardConfig, reward
+from adrl.rewards.step import reference_period_s
 from adrl.types import ACTION_SIZE, RobotConfig
 from adrl.worlds.given import training_fingerprints
 from adrl.worlds.robot_files import robot_from_fields
@@ -130,7 +131,10 @@ def load_minari(path: PathLike, expected: Source | None = None) -> Demonstration
             raise DatasetError(f"has observations of {max(sizes - {size})} numbers, {size} are wanted")
         if expected is not None and description is None:
             _check_source(_by_env_spec(metadata), expected)
-        return Demonstrations(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
+        columns = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        robot = expected.robot if expected else _robot(description)
+        periods = np.full(len(columns["action"]), _periods(robot))
+        return Demonstrations(**columns, periods=periods)
     except DatasetError as error:
         raise DatasetError(f"{path}: {error}") from None
     except Exception as error:  # What a damaged file makes Minari and h5py raise is not documented.
@@ -267,6 +271,16 @@ def _description(metadata: _Metadata) -> dict[str, Any] | None:
     except FileError as error:
         raise DatasetError(f"{DESCRIPTION_KEY} in {METADATA_FILE} {error}; collect it again") from None
     return description
+
+
+def _robot(description: Mapping[str, Any] | None) -> RobotConfig | None:
+    """The robot it was recorded with; None where it does not say."""
+    return None if description is None else robot_from_fields(description["robot"])
+
+
+def _periods(robot: RobotConfig | None) -> float:
+    """Length of a robot's step in reference periods; 1 of a robot that is not known."""
+    return 1.0 if robot is None else robot.control_period_s / reference_period_s(robot.max_speed_mps)
 
 
 def _read(folder: Path) -> list[dict[str, Any]]:

@@ -206,7 +206,7 @@ def _no_more_is_shown(run: Run) -> bool:
 def _demonstrations(run: Run, env: NavVectorEnv) -> Demonstrations:
     config = run.config
     if config.dataset is not None:
-        return replace(load_minari(config.dataset, Source.of(env)), periods=float(env.periods[0]))
+        return load_minari(config.dataset, Source.of(env))
     if run.demonstration_steps == 0:
         raise ConfigError(
             f"method {method_name(config.chosen_method)!r} needs demonstrations; demonstration_steps is 0"
