@@ -22,6 +22,7 @@ from nav2_msgs.action import FollowPath, NavigateToPose  # pyright: ignore
 from nav2_msgs.msg import SpeedLimit  # pyright: ignore
 from nav_msgs.msg import Odometry  # pyright: ignore
 from rclpy.action import ActionClient  # pyright: ignore
+from rclpy.qos import DurabilityPolicy, QoSProfile  # pyright: ignore
 from std_msgs.msg import UInt32  # pyright: ignore
 
 from adrl.geometry import quaternion_of, yaw_of
@@ -109,7 +110,8 @@ def main() -> None:
     limits = node.create_publisher(SpeedLimit, "speed_limit", 5)
     states = node.create_client(ChangeState, "controller_server/change_state")
     node.create_subscription(Twist, "cmd_vel", lambda m: say("cmd_vel", v=m.linear.x, w=m.angular.z), 50)
-    node.create_subscription(UInt32, "collisions", lambda m: say("collisions", count=m.data), 5)
+    latched = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    node.create_subscription(UInt32, "collisions", lambda m: say("collisions", count=m.data), latched)
     node.create_subscription(Odometry, "odom", on_odometry, 50)
     node.create_subscription(Status, "bond", lambda m: say("bond", id=m.id, active=m.active), 50)
     lines: SimpleQueue[str] = SimpleQueue()
