@@ -86,11 +86,14 @@ $(ROS2)/.made: constraints.txt constraints-$(ROS2_EXTRA).txt pyproject.toml $(BU
 	@$(ROS2)/bin/python scripts/ros2-interfaces
 	@touch $@
 
+# The cores share the tests; those marked realtime come last, alone: tests/realtime_last.py.
+PYTEST := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m pytest --quiet -n logical --maxprocesses 4 --dist worksteal
+
 test: setup ## all Python tests; PYTEST_ARGS="-k name" picks some
-	@$(PY) -m pytest --quiet $(PYTEST_ARGS)
+	@$(PYTEST) $(PYTEST_ARGS)
 
 test-fast: setup ## Python tests but the slow ones
-	@$(PY) -m pytest --quiet -m "not slow" $(PYTEST_ARGS)
+	@$(PYTEST) -m "not slow" $(PYTEST_ARGS)
 
 check: setup ## format, lint, types, import layers, documentation, C++ format and tests
 	@$(BIN)/ruff format --check --quiet || { echo "run: make format" >&2; exit 1; }

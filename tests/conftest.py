@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 from hypothesis import settings
 
+from realtime_last import pytest_collection_finish, pytest_xdist_make_scheduler  # noqa: F401 - pytest calls them
 from refusals import Adrl
 from small_data import DATA, write_barn, write_cities
 

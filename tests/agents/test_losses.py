@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -21,7 +20,6 @@ from adrl.rewards import RewardConfig, reward
 D, B, M, N_STEP = 6, 32, 16, 3
 CONFIG = Td3Config(widths=(16, 16), batch_size=B, bc_batch_size=M, n_step=N_STEP)
 SHAPE = td3.make_shape(D, CONFIG, RewardConfig())
-make_update = cache(td3.make_update)  # one compilation for all tests of a shape
 PLAIN = Weights(np.float32(0.5), lambda_bc=np.float32(0.0), q_weight=np.float32(1.0))
 
 
@@ -76,7 +74,7 @@ def test_without_imitation_the_actor_has_exactly_td3s_gradient():
 
 
 def test_without_imitation_whole_updates_are_exactly_td3s():
-    update = make_update(SHAPE)
+    update = td3.make_update(SHAPE)
     batches = random_batch(0, (4, 2))
     plain, plain_actor, _ = update(fresh(), batches, None, PLAIN)
     ours, ours_actor, _ = update(fresh(), batches, random_experts(1, (4,)), PLAIN)
@@ -237,7 +235,7 @@ def test_of_two_actions_the_one_of_the_higher_lesser_value_is_taken_in_driving_a
 
 
 def test_one_call_of_many_updates_equals_many_calls_of_few():
-    update = make_update(SHAPE)
+    update = td3.make_update(SHAPE)
     batches, experts = random_batch(0, (4, 2)), random_experts(1, (4,))
     weights = Weights(np.float32(0.5), np.float32(0.3), np.float32(1.0))
     once, _, _ = update(fresh(), batches, experts, weights)
@@ -251,7 +249,7 @@ def test_one_call_of_many_updates_equals_many_calls_of_few():
 
 def test_the_returned_actor_survives_the_next_update():
     """The state is donated: its memory is written again. The copy handed out for acting must not be."""
-    update = make_update(SHAPE)
+    update = td3.make_update(SHAPE)
     state, actor, _ = update(fresh(), random_batch(0, (4, 2)), None, PLAIN)
     before = np.array(state.actor)
     for seed in range(20):
@@ -261,7 +259,7 @@ def test_the_returned_actor_survives_the_next_update():
 
 def test_averages_and_targets_forget_their_start():
     """Polynomial-decay averaging by hand: share 16 / (t + 15) of the t-th network, 1 of the first."""
-    update, state = make_update(SHAPE), fresh()
+    update, state = td3.make_update(SHAPE), fresh()
     expected = [np.zeros_like(np.asarray(network)) for network in (state.actor, state.critics)]
     for t in range(1, 7):
         state, _, _ = update(state, random_batch(t, (1, 2)), None, PLAIN)
@@ -275,7 +273,7 @@ def test_averages_and_targets_forget_their_start():
 
 def test_averages_and_targets_follow_exponentially_in_the_end():
     """Long after the start a target takes over its share, and not less."""
-    update, state = make_update(SHAPE), fresh()
+    update, state = td3.make_update(SHAPE), fresh()
     state = state._replace(actor_adam=state.actor_adam._replace(steps=jnp.float32(1e5)))
     old = np.array(state.target_critics)
     state, _, _ = update(state, random_batch(1, (1, 2)), None, PLAIN)
@@ -286,7 +284,7 @@ def test_averages_and_targets_follow_exponentially_in_the_end():
 @pytest.mark.parametrize("layer_norm", [True, False])
 def test_the_critic_descends_to_its_target(layer_norm: bool):
     shape = SHAPE._replace(td3=replace(CONFIG, critic_layer_norm=layer_norm))
-    update = make_update(shape)
+    update = td3.make_update(shape)
     batch = random_batch(0, (4, 2))._replace(bootstrap_discount=np.zeros((4, 2, B), np.float32))
     batch = Batch(*(np.broadcast_to(field[:1, :1], field.shape).copy() for field in batch))
     state = fresh(shape=shape)

@@ -28,6 +28,7 @@ def ros1(tmp_path: Path) -> Iterator[Ros]:
 
 
 @pytest.mark.ros
+@pytest.mark.realtime
 @pytest.mark.slow
 @pytest.mark.integration
 def test_what_our_nodes_of_ros_1_drove_is_collected(ros1: Ros, tmp_path: Path) -> None:

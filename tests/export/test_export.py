@@ -1,5 +1,6 @@
 """adrl export, and the C++ example on what it writes."""
 
+import fcntl
 import json
 import os
 import shutil
@@ -36,15 +37,21 @@ def programs() -> Path:
     path = f"{TOOLS}{os.pathsep}{os.environ.get('PATH', '')}"
     cmake = shutil.which("cmake", path=path)
     assert cmake is not None, "cmake is one of the developers' tools: make setup"
-    for arguments in (["-S", PROJECT / "examples" / "cpp", "-B", build, "-G", "Ninja"], ["--build", build]):
-        done = subprocess.run(
-            [cmake, *map(str, arguments)],
-            env=os.environ | {"PATH": path},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert done.returncode == 0, done.stdout + done.stderr
+    build.mkdir(parents=True, exist_ok=True)
+    with open(build / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # another process of the run may be at it
+        for arguments in (
+            ["-S", PROJECT / "examples" / "cpp", "-B", build, "-G", "Ninja"],
+            ["--build", build],
+        ):
+            done = subprocess.run(
+                [cmake, *map(str, arguments)],
+                env=os.environ | {"PATH": path},
+                capture_output=True,
+                text=True,
+                check=False,
+            )
+            assert done.returncode == 0, done.stdout + done.stderr
     return build
 
 

@@ -20,12 +20,12 @@ from adrl.worlds import SCENARIOS, load_robot, task_set
 from adrl.worlds.map_scenario import MapScenario
 from integrations.ros_processes import BRAKING_PERIODS, Ros, has_ended, is_at_speed, is_idle, stands_from
 
+pytestmark = [pytest.mark.ros, pytest.mark.realtime, pytest.mark.integration]
+
 SOURCE = Path(__file__).resolve().parents[2]
 
 
-@pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.integration
 def test_fifty_goals_none_missed_none_collided(ros: Ros, a_map: str) -> None:
     """Goals on the map, the odometry's frame elsewhere, places told by a localisation."""
     goals = [task.goal for task in task_set(MapScenario(a_map), load_robot("diffbot"), "test", 51)[1:]]
@@ -43,10 +43,8 @@ def test_fifty_goals_none_missed_none_collided(ros: Ros, a_map: str) -> None:
     assert [event["count"] for event in probe.of("collisions")] == [0]
 
 
-@pytest.mark.ros
 @pytest.mark.gazebo
 @pytest.mark.slow
-@pytest.mark.integration
 def test_a_goal_is_reached_in_gazebo_in_real_time(ros: Ros) -> None:
     """The driving node is the same; Gazebo is the robot, among the obstacles of a test task."""
     if not is_installed() and os.environ.get("CI") != "true":
@@ -71,8 +69,6 @@ def test_a_goal_is_reached_in_gazebo_in_real_time(ros: Ros) -> None:
     assert (node.end(), robot.end()) == (0, 0)
 
 
-@pytest.mark.ros
-@pytest.mark.integration
 def test_without_gazebo_the_simulated_robot_says_what_to_run(ros: Ros) -> None:
     ros.environment["ADRL_GAZEBO"] = str(ros.folder / "nowhere")
     robot = ros.node("sim", "--simulator", "gazebo")
@@ -80,9 +76,7 @@ def test_without_gazebo_the_simulated_robot_says_what_to_run(ros: Ros) -> None:
     assert "scripts/gazebo-chroot" in robot.log.read_text()
 
 
-@pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.integration
 def test_a_goal_on_the_map_without_localisation_is_refused_and_one_in_odom_driven_to(
     ros: Ros, a_map: str
 ) -> None:
@@ -115,9 +109,7 @@ def test_a_goal_on_the_map_without_localisation_is_refused_and_one_in_odom_drive
     assert [event["count"] for event in probe.of("collisions")] == [0]
 
 
-@pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.integration
 def test_the_node_is_killed_and_started_again(ros: Ros, a_map: str) -> None:
     task = task_set(MapScenario(a_map), load_robot("diffbot"), "test", 1)[0]
     ros.node("sim", "--map", a_map, "--speed", "2")
@@ -159,9 +151,7 @@ FAULTS: tuple[dict[str, Any], ...] = (
 HEALTHY = {"scans": "pass"}
 
 
-@pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.integration
 def test_it_stands_while_something_fails_and_drives_on_afterwards(ros: Ros, a_map: str) -> None:
     """Scans, the node's clock, the sensors' clock, all clocks; each fault on the way, then a goal elsewhere."""
     goals = [task.goal for task in task_set(MapScenario(a_map), load_robot("diffbot"), "test", 9)]
@@ -200,9 +190,7 @@ def test_it_stands_while_something_fails_and_drives_on_afterwards(ros: Ros, a_ma
     assert [event["count"] for event in probe.of("collisions")] == [0]
 
 
-@pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.integration
 def test_names_parameters_and_stamped_commands_and_scans_that_stop(ros: Ros, a_map: str) -> None:
     """A namespace, scans from another topic, TwistStamped. The scans stop, and the node ends, under way."""
     task = task_set(MapScenario(a_map), load_robot("diffbot"), "test", 1)[0]
@@ -228,9 +216,7 @@ def test_names_parameters_and_stamped_commands_and_scans_that_stop(ros: Ros, a_m
     assert [event["count"] for event in probe.of("collisions")] == [0]
 
 
-@pytest.mark.ros
 @pytest.mark.slow
-@pytest.mark.integration
 def test_the_commands_of_the_page_take_the_robot_to_its_goal(ros: Ros, a_map: str, tmp_path: Path) -> None:
     page = (SOURCE / "docs" / "how-to" / "ros.md").read_text()
     for name, text in re.findall(r'^```python title="(.+?)"\n(.*?)^```$', page, re.MULTILINE | re.DOTALL):

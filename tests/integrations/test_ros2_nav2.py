@@ -13,7 +13,7 @@ from adrl.worlds import SCENARIOS, load_robot, task_set
 from integrations.conftest import require_ros2
 from integrations.ros_processes import Event, Probe, Ros, is_at_speed, is_idle, stands_from
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.integration]
+pytestmark = [pytest.mark.ros, pytest.mark.realtime, pytest.mark.slow, pytest.mark.integration]
 
 SOURCE = Path(__file__).resolve().parents[2]
 CONFIGURE, CLEANUP, ACTIVATE, DEACTIVATE, SHUTDOWN = 1, 2, 3, 4, 6

@@ -9,7 +9,7 @@ import pytest
 from adrl.worlds import SCENARIOS, load_robot, task_set
 from integrations.ros_processes import Probe, Process, Ros, is_at_speed, is_idle
 
-pytestmark = [pytest.mark.ros, pytest.mark.slow, pytest.mark.integration]
+pytestmark = [pytest.mark.ros, pytest.mark.realtime, pytest.mark.slow, pytest.mark.integration]
 
 
 def under_way(ros: Ros, speed: str = "2") -> tuple[Process, Process, Probe, int]:

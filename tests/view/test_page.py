@@ -16,7 +16,7 @@ from adrl.imitation import load_minari
 from view.served import Served, served
 from waiting import wait_until
 
-pytestmark = [pytest.mark.slow, pytest.mark.integration]
+pytestmark = [pytest.mark.realtime, pytest.mark.slow, pytest.mark.integration]
 
 PHONE, DESK = (360, 780), (1280, 900)
 PATIENCE_MS = 120_000

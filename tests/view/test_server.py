@@ -16,7 +16,7 @@ from adrl.view.server import serve
 from refusals import Adrl
 from view.served import PATIENCE_S, Served, served
 
-pytestmark = [pytest.mark.slow, pytest.mark.integration]
+pytestmark = [pytest.mark.realtime, pytest.mark.slow, pytest.mark.integration]
 
 
 @pytest.fixture(scope="module")

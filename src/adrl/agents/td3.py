@@ -97,8 +97,9 @@ def with_actor(state: LearnerState, actor: np.ndarray) -> LearnerState:
     )
 
 
+@functools.cache
 def make_update(shape: Shape) -> Update:
-    """Compile the update of a shape: one call runs all batches it is given."""
+    """The update of a shape, compiled: one call runs all batches it is given. Learners of one process share it."""
 
     def update_critics(state: LearnerState, batch: Batch, returns: Array) -> tuple[LearnerState, UpdateInfo]:
         target = losses.targets(state.target_actor, state.target_critics, batch, returns, shape, state.guide)
@@ -147,6 +148,7 @@ def make_update(shape: Shape) -> Update:
     return jax.jit(update, donate_argnums=0)
 
 
+@functools.cache
 def make_probe_value(shape: Shape) -> Callable[[LearnerState, Array], Array]:
     """Compile mean_s0 min_i Q'_i(s0, pi(s0)) over (P, D) start states (eq 2, corrected)."""
 
@@ -157,11 +159,13 @@ def make_probe_value(shape: Shape) -> Callable[[LearnerState, Array], Array]:
     return jax.jit(probe_value)
 
 
+@functools.cache
 def make_better_action(shape: Shape) -> Callable[[Array, Array, Array, Array], Array]:
     """Compile losses.better_action of target critics, observations and two actions for each."""
     return jax.jit(functools.partial(losses.better_action, shape=shape))
 
 
+@functools.cache
 def make_q_of_average(shape: Shape) -> Callable[[LearnerState, Array], Array]:
     """Compile mean_s Q_1(s, pi(s)) of the averaged actor over states (B, D)."""
 
