@@ -133,6 +133,18 @@ def test_a_lidar_sits_where_its_transform_says() -> None:
     assert node.speeds()[-1] > 0.0
 
 
+def test_a_goal_from_before_the_lidars_place_was_known_is_driven_to_within_its_limits() -> None:
+    node = Node(localisation="tf").run(2)
+    node.goal(3.0)
+    node.topics.driver.navigator.speed_limit_mps = 0.2
+    ((_, values),) = node.run(1).statuses()[-1:]
+    assert (values["goal"], values["reasons"]) == ("3.000 0.000", "no_scan")
+    tell(node, link(node, "base_link", "base_scan", 0.12), static=True)
+    node.run(8)
+    assert (node.statuses()[-1][1]["status"], node.topics.driver.taken) == ("driving", 1)
+    assert 0.1 < max(node.speeds()) <= 0.2
+
+
 def test_a_lidar_upside_down_is_read_from_above() -> None:
     frames = Frames()
     sensor = Sensor(dataclasses.replace(CONFIG, heights=None), frames, ROBOT.lidar)

@@ -97,7 +97,7 @@ class Driver:
         """As they were given: path and heading of the goal, where it has them."""
         self._goal_frame = ""
         self._outcome: Outcome = ""
-        self._goals = 0
+        self._goals = self._taken = 0
         self._refusal: GoalRefused | None = None
         self._message = ""
         self._standing: tuple[object, Command] | None = None
@@ -118,6 +118,11 @@ class Driver:
     def goals(self) -> int:
         """Goals that have come so far, refused ones among them."""
         return self._goals
+
+    @property
+    def taken(self) -> int:
+        """Number of the last goal that was not refused; 0 before the first."""
+        return self._taken
 
     @property
     def here(self) -> Pose | None:
@@ -162,6 +167,7 @@ class Driver:
         self._goal, self._goal_frame = goal, frame.removeprefix("/")
         self._path, self._yaw_rad = path, yaw_rad
         self._outcome, self._refusal, self._message = "", None, ""
+        self._taken = self._goals
         place, path, yaw_rad = self._in_navigators_frame()
         self.navigator.set_goal(place, path, yaw_rad=yaw_rad)
         LOG.info("goal (%.2f, %.2f) in %s", *goal, self._goal_frame)
@@ -171,6 +177,23 @@ class Driver:
         if self._goal is not None:
             self._end("cancelled")
         self.navigator.cancel()
+
+    def fail(self, message: str) -> None:
+        """The same, where the node gives the goal up; message: why."""
+        if self._goal is not None:
+            self._end("failed", message)
+        self.navigator.cancel()
+
+    def take_navigator(self, navigator: Navigator) -> None:
+        """Drive by another one from the next step on: the robot is better known. Goal and limits stay."""
+        before, self.navigator = self.navigator, navigator
+        navigator.speed_limit_mps = before.speed_limit_mps
+        navigator.goal_tolerance_m = before.goal_tolerance_m
+        navigator.yaw_tolerance_rad = before.yaw_tolerance_rad
+        self._odometry = self._localisation.newest
+        if self._goal is not None:
+            place, path, yaw_rad = self._in_navigators_frame()
+            navigator.set_goal(place, path, yaw_rad=yaw_rad)
 
     def take_odometry(self, odometry: Odometry, frame: str = "") -> None:
         """What the next step is driven by; of no use in another frame than the one it is said to have. Where it begins

@@ -12,6 +12,7 @@ from adrl.integrations.ros.drive import DriveTopics
 LOG = logging.getLogger("adrl.driver")
 
 End = Literal["succeeded", "aborted", "canceled"]
+REPLACED = "another goal has taken its place"
 
 
 class ActionFailed(Exception):
@@ -71,24 +72,28 @@ class Actions:
         self._topics, self._task = topics, task
         self._handle: Handle | None = None
         self._number = 0
-        """Of the driver's goal that is this one's."""
+        """The driver's, of the goal that is this action's."""
         topics.heed.append(self.heed)
 
     def accept(self, handle: Handle, now_s: float) -> None:
         """A goal. It takes the place of the one before: the robot drives on, to the new one."""
-        goes_on = self._handle is not None
-        self.abort("another goal has taken its place")
+        goes_on = self._has_driver and self._handle is not None and not self._handle.cancel_is_wanted
+        self.abort(REPLACED)
         self._handle = handle
         try:
             self._task.begin(handle.goal, now_s, goes_on=goes_on)
         except ActionFailed as failed:
-            self._fail(failed)
+            LOG.warning("goal aborted with error %d: %s", failed.code, failed)
+            if goes_on:  # what it was to replace is no more; another's goal stays
+                self._topics.driver.cancel()
+            self._end("aborted", failed.code, str(failed))
             return
-        self._number = self._topics.driver.goals
+        self._number = self._topics.driver.taken
 
     def cancel(self) -> None:
-        """The robot stands from the next step on; heed() ends the goal."""
-        self._topics.driver.cancel()
+        """The robot stands from the next step on, where it is on the way to this goal; heed() ends it."""
+        if self._has_driver:
+            self._topics.driver.cancel()
 
     def abort(self, message: str) -> None:
         """End the goal, if there is one. The driver is left as it is."""
@@ -100,10 +105,9 @@ class Actions:
         if self._handle is None:
             return
         if self._handle.cancel_is_wanted:
-            self._topics.driver.cancel()
             self._end("canceled", 0, "cancelled")
-        elif report.goals != self._number:
-            self.abort("another goal has taken its place")
+        elif not self._has_driver:
+            self.abort(REPLACED)
         elif report.outcome == "reached":
             self._end("succeeded", 0, "")
         elif report.outcome == "cancelled":
@@ -113,15 +117,15 @@ class Actions:
                 self._task.check(report, now_s)
                 self._handle.tell(self._task.feedback(report, now_s))
             except ActionFailed as failed:
-                self._fail(failed)
+                self._topics.driver.fail(f"error {failed.code}: {failed}")
+                self._end("aborted", failed.code, str(failed))
 
-    def _fail(self, failed: ActionFailed) -> None:
-        self._topics.driver.cancel()
-        self._end("aborted", failed.code, str(failed))
+    @property
+    def _has_driver(self) -> bool:
+        """Whether the driver's newest goal is this action's: else one by a topic has come since."""
+        return self._topics.driver.taken == self._number
 
     def _end(self, how: End, code: int, message: str) -> None:
         handle, self._handle = self._handle, None
         assert handle is not None
-        if code:
-            LOG.warning("goal aborted with error %d: %s", code, message)
         handle.end(how, self._task.result(code, message))

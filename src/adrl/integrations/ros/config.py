@@ -2,6 +2,7 @@
 
 import logging
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -29,7 +30,7 @@ NUMBERS = {"mount": 3, "start": 3, "heights": 2}
 
 
 @dataclass(frozen=True, kw_only=True)
-class RuntimeConfig:
+class RuntimeConfig(ABC):
     """A policy that drives a robot: what the driving nodes have in common."""
 
     policy: str = DEFAULT
@@ -69,30 +70,22 @@ class RuntimeConfig:
             raise ConfigError("heights need tf, which tells where the sensor is: give --localisation tf")
 
     @property
+    @abstractmethod
     def source(self) -> Source:
         """Where the place on the map comes from."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def commands_are_stamped(self) -> bool:
         """Whether they are TwistStamped instead of Twist."""
-        raise NotImplementedError
 
-    def driver(self, mount: Pose | None = None, frames: Frames | None = None) -> Driver:
-        """Load all of it. mount: of the LiDAR, as transforms tell it; frames: these. Raises AdrlError."""
-        raise NotImplementedError
+    @abstractmethod
+    def navigator(self, mount: Pose | None = None) -> Navigator:
+        """Load it. mount: of the LiDAR, as transforms tell it. Raises AdrlError."""
 
-    def _driver(self, mount: Pose | None, frames: Frames | None, **options: Any) -> Driver:
-        """options: those of Navigator that not all nodes have."""
-        navigator = Navigator(
-            robot=load_robot(self.robot) if self.robot is not None else None,
-            mount=self.mount or mount,
-            zero_is_free=self.zero_is_free,
-            nan_is_free=self.nan_is_free,
-            supervisor=SupervisorConfig(hold_periods=self.watchdog_periods),
-            recovery=self.recovery,
-            **options,
-        )
+    def driver(self, frames: Frames | None = None) -> Driver:
+        """Load all of it. frames: those that transforms are told to. Raises AdrlError."""
+        navigator = self.navigator()
         if navigator.other_robot is not None:
             LOG.warning("%s", navigator.other_robot)
         return Driver(
@@ -101,6 +94,18 @@ class RuntimeConfig:
             map_frame=self.map_frame,
             localisation=self.source,
             frames=frames or Frames(tolerance_s=self.transform_tolerance),
+        )
+
+    def _navigator(self, mount: Pose | None, **options: Any) -> Navigator:
+        """options: those of Navigator that not all nodes have."""
+        return Navigator(
+            robot=load_robot(self.robot) if self.robot is not None else None,
+            mount=self.mount or mount,
+            zero_is_free=self.zero_is_free,
+            nan_is_free=self.nan_is_free,
+            supervisor=SupervisorConfig(hold_periods=self.watchdog_periods),
+            recovery=self.recovery,
+            **options,
         )
 
 
@@ -137,7 +142,7 @@ class DriveConfig(RuntimeConfig):
         """See RuntimeConfig."""
         return self.stamped
 
-    def driver(self, mount: Pose | None = None, frames: Frames | None = None) -> Driver:
+    def navigator(self, mount: Pose | None = None) -> Navigator:
         """See RuntimeConfig."""
         policy = find_policy(self.policy)
         guidance = self.guidance or ("map" if self.map is not None else policy.guidance)
@@ -145,9 +150,8 @@ class DriveConfig(RuntimeConfig):
             raise ConfigError(
                 f"policy {self.policy!r} drives with guidance map: give --map MAP.yaml, or --guidance goal or replan"
             )
-        return self._driver(
+        return self._navigator(
             mount,
-            frames,
             policy=policy,
             guidance=guidance,
             world=load_map(self.map, self.unknown) if self.map is not None else None,
@@ -191,9 +195,9 @@ class ControllerConfig(RuntimeConfig):
         """See RuntimeConfig."""
         return self.enable_stamped_cmd_vel
 
-    def driver(self, mount: Pose | None = None, frames: Frames | None = None) -> Driver:
+    def navigator(self, mount: Pose | None = None) -> Navigator:
         """See RuntimeConfig."""
-        return self._driver(mount, frames, policy=self.policy, guidance=PATH)
+        return self._navigator(mount, policy=self.policy, guidance=PATH)
 
 
 @dataclass(frozen=True, kw_only=True)

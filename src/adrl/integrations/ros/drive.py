@@ -9,7 +9,7 @@ from dataclasses import replace
 from typing import Any
 
 from adrl.bags.messages import New
-from adrl.deploy import Odometry, Scan
+from adrl.deploy import Scan
 from adrl.deploy.driver import Driver, Report
 from adrl.deploy.frames import Frames
 from adrl.errors import GoalRefused, TransformError
@@ -68,14 +68,12 @@ class DriveTopics:
         self._config = config
         self.frames = Frames(tolerance_s=config.transform_tolerance)
         """Where frames are in each other, as transforms tell."""
-        self.driver: Driver = config.driver(frames=self.frames)
+        self.driver: Driver = config.driver(self.frames)
         """What drives."""
         navigator = self.driver.navigator
         self._sensor = Sensor(config, self.frames, navigator.robot.lidar)
         self.heed: list[Callable[[Report, float], None]] = []
         """Called with each report, and when it is of, after what it says has been published."""
-        self._heard: tuple[Odometry, str] | None = None
-        """The newest odometry, and its frame."""
         self.active = True
         """Whether commands are published at all."""
         self._outbox = Outbox(
@@ -152,16 +150,14 @@ class DriveTopics:
         self._deliver(self.driver.take_scan(scan, now_s), now_s)
 
     def _scan_of(self, message: Any, stamp_s: float) -> Scan | None:
-        """None where nobody tells where on the robot the sensor is; the driver that knows it, from then on."""
+        """None where nobody tells where on the robot the sensor is; once somebody does, the driver goes by it."""
         try:
             scan, mount = self._sensor.read(message, stamp_s)
         except TransformError as error:
             self._sensor.tell(error)
             return None
         if mount is not None:
-            self.driver = self._config.driver(mount, self.frames)
-            if self._heard is not None:
-                self.driver.take_odometry(*self._heard)
+            self.driver.take_navigator(self._config.navigator(mount))
         return scan
 
     def _take_transforms(self, message: Any, static: bool) -> None:
@@ -182,8 +178,7 @@ class DriveTopics:
 
     def _take_odometry(self, message: Any) -> None:
         odometry = odometry_of(message, self._stamp_s("odom", message.header))
-        self._heard = (odometry, getattr(message.header, "frame_id", ""))
-        self.driver.take_odometry(*self._heard)
+        self.driver.take_odometry(odometry, getattr(message.header, "frame_id", ""))
 
     def _take_pose(self, message: Any) -> None:
         header = message.header
