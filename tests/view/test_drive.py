@@ -160,6 +160,10 @@ def test_time_stands_while_paused(tmp_path: Path) -> None:
     stood = desk.frame["lanes"][0]["time_s"]
     assert desk.turns(10)["lanes"][0]["time_s"] == stood
     assert (desk.frame["playing"], desk.frame["speed"]) == (False, 5.0)
+    desk.ask(do="pace", speed=3.0)
+    assert (desk.frame["playing"], desk.frame["speed"]) == (False, 3.0)
+    desk.ask(do="pace", playing=True)
+    assert (desk.frame["playing"], desk.frame["speed"]) == (True, 3.0)
 
 
 @settings(max_examples=20)

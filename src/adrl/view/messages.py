@@ -73,10 +73,10 @@ class Faulted(_Ask, frozen=True, tag="fault"):
 
 
 class Pace(_Ask, frozen=True, tag="pace"):
-    """How fast time goes, and whether."""
+    """How fast time goes, and whether; what is left out stays as it is."""
 
-    playing: bool
-    speed: Annotated[float, Meta(ge=SLOWEST, le=FASTEST)]
+    playing: bool | None = None
+    speed: Annotated[float, Meta(ge=SLOWEST, le=FASTEST)] | None = None
 
 
 class Seek(_Ask, frozen=True, tag="seek"):

@@ -26,10 +26,11 @@ class Pace:
         self._period_s, self._due_s = period_s, 0.0
         self._reached = self.speed
 
-    def set(self, playing: bool, speed: float) -> None:
-        """speed: times of real time."""
-        self.playing, self.speed = playing, speed
-        self._due_s, self._reached = 0.0, speed
+    def set(self, playing: bool | None = None, speed: float | None = None) -> None:
+        """speed: times of real time. None: as it is."""
+        self.playing = self.playing if playing is None else playing
+        self.speed = self.speed if speed is None else speed
+        self._due_s, self._reached = 0.0, self.speed
 
     def steps(self, now_s: float) -> Iterator[None]:
         """As many as are due at a time of the wall's clock."""

@@ -114,7 +114,8 @@ class Stage:
         setup: str | None = None
         for page in self._pages:
             if page.version != self._show.version or page.frames.full():
-                setup = setup or _json({"setup": self._show.setup()})
+                about = {"version": self._show.version}
+                setup = setup or _json({"setup": self._show.setup() | about})
                 page.begin(setup, self._show.version)
             page.frames.put_nowait(text)
 

@@ -35,6 +35,7 @@ function drawChart(holder, chart, axis) {
     xaxis: { title: { text: AXES[axis], font: { size: 11 }, standoff: 8 }, rangemode: 'tozero' },
     yaxis: chart.unit === '%' ? { range: [-3, 103] } : {},
     showlegend: chart.series.length > 1,
+    uirevision: axis, // what a person has zoomed to stays while the curves grow
   });
   Plotly.react(holder, traces, layout, CONFIG);
 }

@@ -3,26 +3,58 @@ const BY_HAND = 'by hand';
 const SLOWEST = 0.1;
 const FASTEST = 20;
 
+/**
+ * The server's word in a control. It takes nothing away from a person: it waits while the control has the focus, and while
+ * something else is chosen there than it said before. read(): what is chosen; show(value, names). Returns say(value, names).
+ */
+function spoken(nodes, { read, show }) {
+  let said = null;
+  return (value, names) => {
+    const word = String(value);
+    if (read() === word) said = word; // it has become what was chosen
+    if ((said !== null && read() !== said) || nodes.includes(document.activeElement)) return;
+    show(word, names);
+    said = word;
+  };
+}
+
+/** Replaces the options of a drop-down where they are others. */
+function offerOptions(select, options) {
+  if (JSON.stringify(options) === select.dataset.options) return;
+  select.dataset.options = JSON.stringify(options);
+  select.replaceChildren(...options.map(([value, text]) => el('option', { value }, text)));
+}
+
+/** A whole number. */
+function counter(label, id, most) {
+  const input = el('input', { type: 'number', id, min: 0, max: most, step: 1 });
+  const read = () => String(Math.max(0, Math.round(Number(input.value) || 0)));
+  return {
+    element: el('label', {}, label, input),
+    say: spoken([input], { read, show: (word) => { input.value = word; } }),
+    get value() { return Number(read()); },
+  };
+}
+
 /** A drop-down of names, and one of one's own where a file or folder will do. */
 function picker(label, id, { other = null, none = null } = {}) {
   const select = el('select', { id });
   const text = el('input', { type: 'text', 'aria-label': `${label}: ${other}`, placeholder: other, hidden: true, spellcheck: 'false' });
   const element = el('label', {}, label, select, text);
   select.addEventListener('change', () => { text.hidden = select.value !== OTHER; if (!text.hidden) text.focus(); });
-  return {
-    element,
-    fill(names, value) {
+  const own = () => select.value === OTHER;
+  const say = spoken([select, text], {
+    read: () => (own() ? text.value.trim() || OTHER : select.value),
+    show(value, names) {
       const known = names.includes(value) || (none !== null && value === '') ? names : [...names, value];
-      select.replaceChildren(
-        ...(none === null ? [] : [el('option', { value: '' }, none)]),
-        ...known.map((name) => el('option', { value: name }, name)),
-        ...(other === null ? [] : [el('option', { value: OTHER }, `${other} ${OTHER}`)]),
-      );
+      offerOptions(select, [
+        ...(none === null ? [] : [['', none]]), ...known.map((name) => [name, name]), ...(other === null ? [] : [[OTHER, `${other} ${OTHER}`]]),
+      ]);
       select.value = value;
       text.hidden = true;
     },
-    get value() { return select.value === OTHER ? text.value.trim() : select.value; },
-  };
+  });
+  return { element, say, get value() { return own() ? text.value.trim() : select.value; } };
 }
 
 function buildChoices() {
@@ -31,35 +63,34 @@ function buildChoices() {
   const robot = picker('Robot', 'robot', { none: "the policy's own", other: 'TOML file' });
   const place = picker('Place', 'place-choice', { other: 'map, world or folder' });
   const guidance = picker('Guidance', 'guidance', { none: 'as trained' });
-  const task = el('input', { type: 'number', id: 'task', min: 0, step: 1 });
-  const people = el('input', { type: 'number', id: 'people', min: 0, max: 64, step: 1 });
+  const people = counter('More people', 'people', 64);
+  const task = counter('Task', 'task', null);
   const start = el('button', { type: 'submit', class: 'button primary', id: 'start' }, 'Start');
-  const whole = (input) => Math.max(0, Math.round(Number(input.value) || 0));
   const choose = (changes = {}) => ask({
     do: 'choose', policies: [policy.value, second.value].filter(Boolean), robot: robot.value, place: place.value,
-    guidance: guidance.value, task: whole(task), people: whole(people), ...changes,
+    guidance: guidance.value, task: task.value, people: people.value, ...changes,
   });
   const form = el('form', { class: 'choices', onsubmit: (event) => { event.preventDefault(); choose(); } },
     policy.element, second.element, robot.element, place.element, guidance.element,
-    el('label', {}, 'More people', people), el('label', {}, 'Task', task), start);
+    people.element, task.element, start);
   document.getElementById('choices').append(form);
   return {
     choose,
     fill({ offer, choice }) {
-      policy.fill(offer.policies, choice.policies[0]);
-      second.fill(offer.policies, choice.policies[1] ?? '');
-      robot.fill(offer.robots, choice.robot);
-      place.fill(offer.places, choice.place);
-      guidance.fill(offer.guidance, choice.guidance);
-      task.value = choice.task;
-      people.value = choice.people;
+      policy.say(choice.policies[0], offer.policies);
+      second.say(choice.policies[1] ?? '', offer.policies);
+      robot.say(choice.robot, offer.robots);
+      place.say(choice.place, offer.places);
+      guidance.say(choice.guidance, offer.guidance);
+      people.say(choice.people);
+      task.say(choice.task);
     },
   };
 }
 
 function buildTransport(choices) {
   const state = { playing: true, speed: 1 };
-  const pace = (changes) => { Object.assign(state, changes); ask({ do: 'pace', playing: state.playing, speed: state.speed }); };
+  const pace = (changes) => ask({ do: 'pace', ...changes });
   const play = el('button', { type: 'button', class: 'button primary', id: 'play', onclick: () => pace({ playing: !state.playing }) }, '❚❚ Pause');
   const restart = el('button', { type: 'button', class: 'button', id: 'restart', 'data-for': 'drive', onclick: () => ask({ do: 'restart' }) }, '↺ Restart');
   const next = el('button', { type: 'button', class: 'button', id: 'next', 'data-for': 'drive', onclick: () => choices.choose({ ...link.setup.choice, do: 'choose', task: link.setup.choice.task + 1 }) }, 'Next task ›');
@@ -70,7 +101,9 @@ function buildTransport(choices) {
     const way = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 }[event.key];
     if (!way) return;
     event.preventDefault();
-    pace({ speed: rounded(state.speed * 1.25 ** way) });
+    const speed = rounded(Math.exp(Number(slider.value)) * 1.25 ** way); // of the slider: what the server says may be older
+    slider.value = Math.log(speed);
+    pace({ speed });
   });
   const told = el('output', { for: 'speed', id: 'pace' });
   const follow = el('button', { type: 'button', class: 'button', id: 'follow', onclick: () => {
@@ -104,6 +137,7 @@ function buildTransport(choices) {
 
 function buildPlace() {
   const pillar = el('button', { type: 'button', class: 'button', id: 'pillar', onclick: () => {
+    if (!stage.lanes[0].now) return;
     const [x, y, yaw] = stage.lanes[0].now.pose;
     ask({ do: 'pillar', x: x + 1.2 * Math.cos(yaw), y: y + 1.2 * Math.sin(yaw) });
   } }, 'Put a pillar before the robot');
@@ -120,13 +154,12 @@ function buildFaults() {
     'As in adrl bench faults. What the supervisor says of it stands below the picture.'));
   return {
     fill({ faults, quick_faults: named }) {
-      select.replaceChildren(...faults.map((name) => el('option', { value: name }, name)));
-      buttons.clear();
-      quick.replaceChildren(...Object.entries(named).map(([text, name]) => {
-        const button = el('button', { type: 'button', class: 'button', 'aria-pressed': 'false', onclick: () => ask({ do: 'fault', name: select.value === name ? 'none' : name }) }, text);
+      offerOptions(select, faults.map((name) => [name, name]));
+      Object.entries(named).filter(([, name]) => !buttons.has(name)).forEach(([text, name]) => {
+        const button = el('button', { type: 'button', class: 'button', 'aria-pressed': 'false', onclick: () => ask({ do: 'fault', name: button.getAttribute('aria-pressed') === 'true' ? 'none' : name }) }, text);
         buttons.set(name, button);
-        return button;
-      }));
+        quick.append(button);
+      });
     },
     show(fault) {
       if (document.activeElement !== select) select.value = fault;

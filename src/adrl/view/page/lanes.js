@@ -29,8 +29,8 @@ function buildLane(about, index, setup) {
   )));
   const onSeek = setup.kind === 'recording' ? (time_s) => ask({ do: 'seek', time_s }) : () => {};
   const strips = [];
-  const rows = about.rows.slice(-SHOWN_ROWS);
-  const history = { time_s: rows.map((row) => row[TIME]) };
+  const rows = [];
+  const history = { time_s: [] };
   const curve = (name, column, i) => ({ name, index: i, value: (row) => rows[row][column] });
   if (about.terms.length) {
     const weights = strip('Reward weights (eqs 14–16)', [], { stacked: true, onSeek });
@@ -46,8 +46,13 @@ function buildLane(about, index, setup) {
       el('div', { class: 'head' }, el('h3', {}, about.label), el('span', {}, facts), time),
       canvas, status, legend, about.note ? el('details', { class: 'note small' }, el('summary', {}, 'trained for another robot'), about.note) : null),
     el('div', { class: 'side' }, ...strips.map((s) => s.element)));
-  const lane = { about, rows, canvas, element, now: null, from: null, since: 0, map: null, trail: about.rows.map((row) => [row[X], row[Y]]) };
+  const lane = { key: laneKey(about, setup), canvas, element };
 
+  lane.begin = (past) => {
+    rows.splice(0, rows.length, ...past.slice(-SHOWN_ROWS));
+    history.time_s = rows.map((row) => row[TIME]);
+    Object.assign(lane, { now: null, from: null, since: 0, map: null, trail: past.map((row) => [row[X], row[Y]]) });
+  };
   lane.view = () => viewOf(lane);
   lane.over = () => {};
   lane.redraw = sharp(canvas, (context, width, height) => {
@@ -104,6 +109,9 @@ function buildLane(about, index, setup) {
   return lane;
 }
 
+/** What a lane is built for; its rows come and go. */
+const laneKey = ({ rows, ...about }, { kind }) => JSON.stringify([kind, about]);
+
 /** A picture is shown once it is loaded, and the one before until then. */
 function takeMap(lane, map) {
   if (!map) { lane.map = null; return; }
@@ -127,17 +135,28 @@ function animate() {
   requestAnimationFrame(animate);
 }
 
+/** A lane that shows the same as before stays, with the focus and the pointer that are on it. */
+function showLanes(setup) {
+  const before = stage.lanes;
+  const focused = before.findIndex(({ canvas }) => canvas === document.activeElement);
+  stage.lanes = setup.lanes.map((about, i) => (before[i]?.key === laneKey(about, setup) ? before[i] : buildLane(about, i, setup)));
+  stage.lanes.forEach((lane, i) => lane.begin(setup.lanes[i].rows));
+  if (stage.setup && before.length === stage.lanes.length && stage.lanes.every((lane, i) => lane === before[i])) return;
+  const empty = el('p', { class: 'note' }, 'No policy drives yet: the run has no checkpoint. A shorter --checkpoint-interval-steps brings the first one earlier.');
+  document.getElementById('stage').replaceChildren(setup.lanes.length ? el('div', { class: setup.lanes.length > 1 ? 'lanes two' : 'lanes' }, ...stage.lanes.map((lane) => lane.element)) : empty);
+  stage.lanes[focused]?.canvas.focus({ preventScroll: true });
+}
+
 link.listeners.push({
   setup(setup) {
     const before = stage.setup && JSON.stringify(stage.setup.world?.bounds);
-    Object.assign(stage, { setup, world: setup.world });
+    stage.world = setup.world;
     if (setup.world && before !== JSON.stringify(setup.world.bounds)) {
       const [x0, y0, x1, y1] = setup.world.bounds;
       stage.follow = remembered.get('follow', Math.max(x1 - x0, y1 - y0) > BIG_M);
     }
-    stage.lanes = setup.lanes.map((about, i) => buildLane(about, i, setup));
-    const empty = el('p', { class: 'note' }, 'No policy drives yet: the run has no checkpoint. A shorter --checkpoint-interval-steps brings the first one earlier.');
-    document.getElementById('stage').replaceChildren(setup.lanes.length ? el('div', { class: setup.lanes.length > 1 ? 'lanes two' : 'lanes' }, ...stage.lanes.map((lane) => lane.element)) : empty);
+    showLanes(setup);
+    stage.setup = setup;
     document.documentElement.dataset.kind = setup.kind;
     document.querySelectorAll('[data-for]').forEach((node) => { node.hidden = !node.dataset.for.split(' ').includes(setup.kind); });
   },

@@ -2,19 +2,29 @@ const RETRY_MS = 1000;
 const MOST_ROWS = 4000;
 const GONE = 'The server does not answer, and the drive stands still. This page goes on when it is back. If you start adrl view again, open the address that it prints.';
 
-/** The line to the server. It comes back by itself. listeners: setup(content), frame(content). */
-const link = { listeners: [], send: () => {}, setup: null };
+/**
+ * The line to the server. It comes back by itself. listeners: setup(content, again), frame(content); again: the same drive is told anew.
+ * send(message): whether it could be sent.
+ */
+const link = { listeners: [], send: () => false, setup: null };
 
 function connect() {
   const line = new WebSocket(`ws://${location.host}${location.pathname}live`);
-  link.send = (message) => { if (line.readyState === WebSocket.OPEN) line.send(JSON.stringify(message)); };
+  let version = null;
+  link.send = (message) => {
+    const open = line.readyState === WebSocket.OPEN;
+    if (open) line.send(JSON.stringify(message));
+    return open;
+  };
   line.onopen = () => { say(''); setLink('live', 'live'); };
   line.onmessage = ({ data }) => {
     const content = JSON.parse(data);
     if (content.setup) {
       waiting = null;
+      const again = content.setup.version === version;
+      version = content.setup.version;
       link.setup = content.setup;
-      link.listeners.forEach(({ setup }) => setup?.(content.setup));
+      link.listeners.forEach(({ setup }) => setup?.(content.setup, again));
     } else {
       if (content.errors) say(content.errors.join('\n'));
       if (link.setup && content.lanes) later(content);
@@ -58,8 +68,7 @@ function say(text) {
 }
 
 function ask(message) {
-  say('');
-  link.send(message);
+  if (link.send(message)) say('');
 }
 
 /** What this tab remembers across a reload; the rest is the server's. */

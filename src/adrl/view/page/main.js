@@ -14,7 +14,7 @@ link.listeners.push({
     if (frame.playing !== undefined) transport.show(frame);
     if (frame.fault !== undefined) faults.show(frame.fault);
     if (frame.record) wheel.show(frame.record);
-    document.documentElement.dataset.ready = 'true';
+    document.documentElement.dataset.drive = link.setup.version; // what is shown is of this setup
   },
 });
 animate();

@@ -3,6 +3,9 @@ const NEAR_PX = 12;
 const STEP_PX = 14;
 const MOVES_MS = 50;
 
+/** What a person is doing with each lane, whatever is built anew meanwhile. */
+const steering = [];
+
 /** Metres at a point of a canvas, in its own pixels, and the length of a pixel. */
 function metresAt(lane, px, py) {
   const { width, height } = lane.canvas.getBoundingClientRect();
@@ -20,6 +23,7 @@ function pixelOf(lane, [x, y]) {
 
 /** The obstacle at a place, or the nearest one within reach: {kind, index}, or null. */
 function obstacleAt(lane, { x, y, scale }) {
+  if (!lane.now) return null;
   const { world } = stage;
   const time = lane.now.time_s;
   const found = [
@@ -55,13 +59,15 @@ function outline({ kind, index }, lane) {
 }
 
 /** Click: a goal. Drag: the obstacle there. By keyboard a crosshair does both. */
-function steerable(lane) {
+function steerable(lane, index) {
   const { canvas } = lane;
-  const state = { held: null, at: null, from: null, cross: null, owed: [0, 0], sent: 0 };
+  const state = steering[index] ??= { held: null, at: null, from: null, cross: null, owed: [0, 0], sent: 0 };
+  lane.steered = true;
   const place = (event) => {
     const box = canvas.getBoundingClientRect();
     return metresAt(lane, event.clientX - box.left, event.clientY - box.top);
   };
+  const aim = () => { state.cross ??= lane.now && (lane.now.goal ?? lane.now.pose).slice(0, 2); };
   const move = (dx, dy, force = false) => {
     state.owed = [state.owed[0] + dx, state.owed[1] + dy];
     if (!force && performance.now() - state.sent < MOVES_MS) return;
@@ -113,10 +119,11 @@ function steerable(lane) {
   };
   canvas.addEventListener('pointerup', done);
   canvas.addEventListener('pointercancel', done);
-  canvas.addEventListener('focus', () => { state.cross ??= lane.now && (lane.now.goal ?? lane.now.pose).slice(0, 2); lane.redraw(); });
+  canvas.addEventListener('focus', () => { aim(); lane.redraw(); });
   canvas.addEventListener('blur', () => { state.held = null; lane.redraw(); });
   canvas.addEventListener('keydown', (event) => {
     const arrows = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+    aim();
     if (!state.cross || event.ctrlKey || event.metaKey || event.altKey) return;
     const [px, py] = pixelOf(lane, state.cross);
     const { scale } = metresAt(lane, px, py);
@@ -133,4 +140,9 @@ function steerable(lane) {
   });
 }
 
-link.listeners.push({ setup: ({ kind }) => { if (kind === 'drive') stage.lanes.forEach(steerable); } });
+link.listeners.push({
+  setup({ kind }, again) {
+    if (!again) steering.forEach((state) => Object.assign(state, { held: null, from: null })); // other obstacles stand there
+    if (kind === 'drive') stage.lanes.forEach((lane, i) => { if (!lane.steered) steerable(lane, i); });
+  },
+});
