@@ -19,7 +19,7 @@ from waiting import wait_until
 pytestmark = [pytest.mark.realtime, pytest.mark.slow, pytest.mark.integration]
 
 PHONE, DESK = (360, 780), (1280, 900)
-PATIENCE_MS = 120_000
+PATIENCE_MS = 300_000
 """A busy machine is no failure."""
 SLOW = 0.3
 """Speed of the drives: they are under way for as long as a slow page needs to look at them."""
