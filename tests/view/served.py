@@ -12,7 +12,7 @@ from pathlib import Path
 
 from waiting import wait_until
 
-PATIENCE_S = 120.0
+PATIENCE_S = 300.0
 """A busy machine is no failure."""
 
 

@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.realtime, pytest.mark.slow, pytest.mark.integration]
 PHONE, DESK = (360, 780), (1280, 900)
 PATIENCE_MS = 300_000
 """A busy machine is no failure."""
-SLOW = 0.3
+SLOW = 0.1
 """Speed of the drives: they are under way for as long as a slow page needs to look at them."""
 expect.set_options(timeout=PATIENCE_MS)
 
@@ -377,7 +377,7 @@ def test_the_crosshair_survives_the_server(tab: Tab, server: Served, news: dict[
 def test_the_drive_survives_a_reload_and_two_tabs_show_the_same(
     tab: Tab, browser: Browser, server: Served
 ) -> None:
-    choose(tab, policy="jackal", task="5")
+    choose(tab, policy="jackal", task="5", **{"place-choice": "complex"})
     tab.moves_on()
     tab.page.locator("#play").click()
     expect(tab.page.locator("#play")).to_contain_text("Play")
@@ -398,17 +398,19 @@ def test_the_drive_survives_a_reload_and_two_tabs_show_the_same(
 
 def test_a_killed_server_is_said_and_found_again(browser: Browser) -> None:
     with served("--port", 0, "--token", "testing-again") as first:
+        begin(first)
         tab = opened(browser, first.address)
         tab.moves_on()
         port = first.port
         first.end(signal.SIGKILL)
         expect(tab.page.locator("#banner")).to_contain_text("does not answer")
         expect(tab.page.locator("#link")).to_have_attribute("data-state", "gone")
+        stood = tab.time_s
     with served("--port", port, "--token", "testing-again") as second:
         assert second.address == tab.address
         expect(tab.page.locator("#link")).to_have_attribute("data-state", "live")
         expect(tab.page.locator("#banner")).to_be_hidden()
-        tab.moves_on()
+        wait_until(lambda: tab.time_s != stood, PATIENCE_MS / 1000)
         tab.page.close()
 
 
