@@ -12,7 +12,10 @@ DATA = Path(__file__).parent / "data"
 MODEL = """<model name='unit_cylinder_{i}'><static>1</static><pose>{x:.3f} {y:.3f} 0.5 0 0 0</pose>
 <link name='link'><collision name='collision'>
 <geometry><cylinder><radius>0.075</radius><length>1</length></cylinder></geometry></collision></link></model>"""
-WORLD = "<sdf version='1.6'><world name='default'>{models}</world></sdf>"
+WORLD = """<sdf version='1.6'><world name='default'><model name='ground_plane'><static>1</static>
+<link name='link'><collision name='collision'><geometry><plane><normal>0 0 1</normal><size>100 100</size></plane>
+</geometry></collision></link></model>
+{models}</world></sdf>"""
 CELL_M, CORRIDOR_ROWS, COLUMNS = 0.15, 34, 30
 
 

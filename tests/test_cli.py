@@ -38,6 +38,7 @@ from adrl.commands.export import ExportOptions
 from adrl.commands.gazebo import EvaluateOptions as GazeboEvaluateOptions
 from adrl.commands.gazebo import ExportOptions as GazeboExportOptions
 from adrl.commands.gazebo import FilmOptions, TransferOptions
+from adrl.commands.gazebo_barn import GazeboBarnOptions
 from adrl.commands.list import ListOptions
 from adrl.commands.regret import RegretOptions
 from adrl.commands.report import ReportOptions
@@ -73,6 +74,7 @@ OPTIONS: dict[str, Any] = {
     "list": ListOptions,
     "gazebo evaluate": GazeboEvaluateOptions,
     "gazebo transfer": TransferOptions,
+    "gazebo barn": GazeboBarnOptions,
     "gazebo film": FilmOptions,
     "gazebo export": GazeboExportOptions,
     "calibrate": CalibrateOptions,

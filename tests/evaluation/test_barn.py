@@ -14,14 +14,27 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
-from adrl.errors import ConfigError
-from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, scores, warning, world_table
+from adrl.envs import NavSim, Setting
+from adrl.errors import CheckpointError, ConfigError
+from adrl.evaluation.barn import (
+    BarnRuns,
+    BenchmarkClock,
+    SpeedLimited,
+    reference_table,
+    scores,
+    warning,
+    world_table,
+)
+from adrl.evaluation.kept import KeptEpisodes
 from adrl.evaluation.metrics import Episodes
-from adrl.observation import ObservationEncoder, to_twist
+from adrl.evaluation.onboard import Onboard
+from adrl.evaluation.rollout import rollout
+from adrl.observation import ObservationEncoder, to_action, to_twist
 from adrl.runs import Run, RunConfig
 from adrl.worlds import ROBOTS, BarnScenario
-from adrl.worlds.barn import BarnWorld, benchmark_path, field_world
+from adrl.worlds.barn import GOAL, START, BarnWorld, benchmark_path, field_task, field_world
 from small_run import finished_run, run_cli
 
 JACKAL = ROBOTS["jackal"]
@@ -51,6 +64,53 @@ def test_scores_known_by_hand(success: bool, time_s: float, score: float) -> Non
 def test_no_one_gains_by_being_late(time_s: float, longer_s: float, optimal_s: float) -> None:
     early, late = scores([True, True], [time_s, time_s + longer_s], [optimal_s, optimal_s])
     assert 0.125 <= late <= early <= 0.5
+
+
+def test_the_clock_starts_in_the_period_in_which_the_robot_has_moved_a_tenth_of_a_metre(
+    make_episodes: Callable[..., Episodes],
+) -> None:
+    """Two robots, driven by hand: one waits half a second, one never moves."""
+    world, clock = field_world(np.zeros((30, 30), dtype=bool)), BenchmarkClock()
+    task = field_task(world, JACKAL)
+    sim = NavSim(2, JACKAL)
+    sim.reset(np.arange(2), [task, task], np.zeros(2, np.uint64), np.random.default_rng(0))
+    numbers, moved_s = np.array([7, 3]), None
+    for period in range(30):
+        speed = 0.0 if period < 5 else 0.5
+        sim.step(to_action(np.array([(speed, 0.0), (0.0, 0.0)]), JACKAL))
+        clock(sim, numbers, np.array([True, True]))
+        if moved_s is None and sim.b["travelled"][0] >= 0.1:
+            moved_s = float(sim.b["time"][0])
+    assert moved_s is not None
+    episodes = dataclasses.replace(make_episodes(2), task=numbers)
+    timed = clock.timed(episodes)
+    assert timed.time_s[0] == pytest.approx(episodes.time_s[0] - (moved_s - 0.1))
+    assert 0.4 < episodes.time_s[0] - timed.time_s[0] < 1.2
+    assert timed.time_s[1] == episodes.time_s[1]
+
+
+def test_kept_parts_are_read_again_trial_by_trial_and_not_under_other_settings(
+    make_episodes: Callable[..., Episodes], tmp_path: Path
+) -> None:
+    parts = {name: make_episodes(3, seed=i) for i, name in enumerate(("a", "b"))}
+    with KeptEpisodes(tmp_path / "out", {"seed": 0}) as kept:
+        assert not kept.has("a")
+        kept.keep("a", parts["a"])
+    with KeptEpisodes(tmp_path / "out", {"seed": 0}) as kept:
+        assert kept.has("a")
+        assert not kept.has("b")
+        kept.keep("b", parts["b"])
+        both = kept.by_trial(["a", "b"])
+    expected = [parts[name].time_s[trial] for trial in range(3) for name in ("a", "b")]
+    assert both.time_s.tolist() == expected
+    with pytest.raises(ConfigError, match="another seed"), KeptEpisodes(tmp_path / "out", {"seed": 1}):
+        pass
+    (tmp_path / "out" / "parts" / "a.parquet").write_bytes(b"no table")
+    with (
+        KeptEpisodes(tmp_path / "out", {"seed": 0}) as kept,
+        pytest.raises(CheckpointError, match=r"a\.parquet"),
+    ):
+        kept.has("a")
 
 
 def test_rows_are_means_over_trials_and_intervals_over_worlds(
@@ -239,3 +299,18 @@ def test_only_the_jackal_is_scored(two_worlds: Path, tmp_path_factory: pytest.Te
     assert run_cli("barn", "--worlds", two_worlds, "--policy", "astar-dwa", "--trials", 0) == 2
     assert run_cli("barn", "--worlds", two_worlds, "--policy", "astar-dwa", "--v-max", 2.5) == 2
     assert run_cli("barn", "--worlds", two_worlds / "nothing", "--policy", "astar-dwa") == 2
+
+
+def test_a_policy_onboard_drives_by_its_own_scans_and_is_refused_a_map() -> None:
+    """The map of the task is another world: who looked behind the sensors would follow it into a wall."""
+    filled = np.zeros((30, 30), dtype=bool)
+    filled[12, 4:26] = True
+    world = field_world(filled)
+    policy = find_policy("jackal")
+    robot = policy.driven(None)
+    task = dataclasses.replace(field_task(world, robot), path=np.array([START[:2], GOAL]))
+    onboard = Onboard(policy, robot, "replan")
+    setting = Setting(robot=robot, guidance="replan", plans_itself=True)
+    assert rollout(onboard, [task, task], setting).episodes.success.all()
+    with pytest.raises(ConfigError, match="no map"):
+        Onboard(policy, robot, "map")

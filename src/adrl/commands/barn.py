@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from adrl import api, files
 from adrl.baselines.planners import PLANNERS
@@ -17,16 +18,16 @@ from adrl.errors import ConfigError
 from adrl.evaluation.barn import BarnRuns, SpeedLimited, reference_table, require_v_max, warning, world_table
 from adrl.evaluation.results import require_results_folder, write_table
 from adrl.outputs import require_file
-from adrl.types import RobotConfig
+from adrl.types import RobotConfig, Task
 from adrl.worlds import ROBOTS, BarnScenario
-from adrl.worlds.barn import TIME_LIMIT_S
+from adrl.worlds.barn import TIME_LIMIT_S, BarnWorld
 from adrl.worlds.given import fingerprint
 
 JACKAL = ROBOTS["jackal"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class BarnOptions:
+class BarnDrives:
     """Which policy drives in which of the benchmark's worlds."""
 
     worlds: Path
@@ -47,16 +48,48 @@ class BarnOptions:
     """Runs in each world; they differ in the sensors' noise."""
     seed: int = 0
     """Of that noise."""
-    threads: int = 0
-    """Threads of the simulator; 0 takes one per core."""
-    out: Path | None = None
-    """Folder for episodes.parquet and summary.json."""
     json: Path | None = None
     """File for the summary; - prints it."""
 
     def __post_init__(self) -> None:
         if self.trials < 1:
             raise ConfigError(f"trials is {self.trials}; give 1 or more")
+
+    def driver(self) -> tuple[ResolvedPolicy, RobotConfig, float]:
+        """The policy at v_max, its robot, which must have the Jackal's body, and v_max. Raises AdrlError."""
+        policy = find_policy(self.policy, PLANNERS)
+        robot = policy.robot or JACKAL
+        v_max = robot.max_speed_mps if self.v_max is None else self.v_max
+        require_v_max(v_max, robot)
+        if robot.footprint_m != JACKAL.footprint_m:
+            raise ConfigError(
+                f"policy {self.policy!r} drives robot {robot.name!r}, whose body is not the Jackal's of the "
+                "benchmark; train with --robot jackal"
+            )
+        if policy.knows_the_world:
+            return policy, dataclasses.replace(robot, max_speed_mps=v_max), v_max
+        return dataclasses.replace(policy, policy=SpeedLimited(policy.policy, robot, v_max)), robot, v_max
+
+
+@dataclass(frozen=True, kw_only=True)
+class BarnOptions(BarnDrives):
+    """How it is driven in our simulator, and where the results go."""
+
+    threads: int = 0
+    """Threads of the simulator; 0 takes one per core."""
+    out: Path | None = None
+    """Folder for episodes.parquet and summary.json."""
+
+
+def benchmark_task(scenario: BarnScenario, world: BarnWorld, robot: RobotConfig) -> Task:
+    """With the benchmark's time limit, not that of training. Raises TaskError."""
+    return dataclasses.replace(scenario.task_in(world, robot), time_limit_s=TIME_LIMIT_S)
+
+
+def trained_on(policy: ResolvedPolicy, worlds: Sequence[BarnWorld]) -> NDArray[np.bool_]:
+    """(W,) whether the policy was trained in each world; in all where it does not say."""
+    seen = policy.training_worlds
+    return np.array([seen is None or fingerprint(world.world) in seen for world in worlds])
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -70,15 +103,10 @@ def main(arguments: Sequence[str]) -> int:
     )
     require_results_folder("--out", options.out)
     require_file("--json", options.json)
-    policy, robot, v_max_mps = _driver(options)
+    policy, robot, v_max_mps = options.driver()
     scenario = BarnScenario(options.worlds, options.held_out)
     worlds = scenario.split("test")
-    seen = policy.training_worlds
-    trained_on = [seen is None or fingerprint(world.world) in seen for world in worlds]
-    # The benchmark's time limit, not that of training.
-    tasks = [
-        dataclasses.replace(scenario.task_in(world, robot), time_limit_s=TIME_LIMIT_S) for world in worlds
-    ]
+    tasks = [benchmark_task(scenario, world, robot) for world in worlds]
     with counting_bar(f"driving {options.policy}", "runs") as show:
         result = api.evaluate(
             policy,
@@ -90,8 +118,9 @@ def main(arguments: Sequence[str]) -> int:
             tasks=tasks * options.trials,
             on_step=show,
         )
-    runs = BarnRuns(worlds=worlds, episodes=result.rollout.episodes, trained_on=np.array(trained_on))
-    about = {"v_max_mps": v_max_mps, "held_out": options.held_out, "trained_on_known": seen is not None}
+    runs = BarnRuns(worlds=worlds, episodes=result.rollout.episodes, trained_on=trained_on(policy, worlds))
+    about = {"v_max_mps": v_max_mps, "held_out": options.held_out}
+    about |= {"trained_on_known": policy.training_worlds is not None}
     summary = result.summary | about | runs.summary()
     console().print(world_table(summary))
     console().print(reference_table(summary))
@@ -105,19 +134,3 @@ def main(arguments: Sequence[str]) -> int:
         files.write_json(options.out / "summary.json", summary)
     write_document(options.json, summary)
     return 0
-
-
-def _driver(options: BarnOptions) -> tuple[ResolvedPolicy, RobotConfig, float]:
-    """The policy at v_max, its robot, which must have the Jackal's body, and v_max. Raises AdrlError."""
-    policy = find_policy(options.policy, PLANNERS)
-    robot = policy.robot or JACKAL
-    v_max = robot.max_speed_mps if options.v_max is None else options.v_max
-    require_v_max(v_max, robot)
-    if robot.footprint_m != JACKAL.footprint_m:
-        raise ConfigError(
-            f"policy {options.policy!r} drives robot {robot.name!r}, whose body is not the Jackal's of the benchmark; "
-            "train with --robot jackal"
-        )
-    if policy.knows_the_world:
-        return policy, dataclasses.replace(robot, max_speed_mps=v_max), v_max
-    return dataclasses.replace(policy, policy=SpeedLimited(policy.policy, robot, v_max)), robot, v_max

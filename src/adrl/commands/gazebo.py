@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from adrl import api, files
+from adrl.commands import gazebo_barn
 from adrl.commands.drive_options import PolicyOptions, TasksOptions
 from adrl.commands.options import Runner, load_place, parse, subcommand, write_document
 from adrl.commands.progress import console, counting_bar, progress_bar
@@ -215,6 +216,7 @@ def _drive(
 WHAT: dict[str, tuple[str, Runner]] = {
     "evaluate": ("drive a policy on fixed tasks in Gazebo", _evaluate),
     "transfer": ("the same tasks in our simulator and in Gazebo, and the gap between them", _transfer),
+    "barn": ("the BARN benchmark as it was published, with a Jackal on four driven wheels", gazebo_barn.main),
     "film": ("one task in Gazebo, as its camera sees it", _film),
     "export": ("write a scenario's world, or a map, as a Gazebo world without a robot", _export),
 }

@@ -50,6 +50,8 @@ class BarnWorld:
     world: World
     path: Array
     """(P, 2) the benchmark's own path, from start to goal; it sets the optimal time and nothing else."""
+    file: Path | None = None
+    """world_N.world; None for a world that is in no file."""
 
     @property
     def path_m(self) -> float:
@@ -86,6 +88,7 @@ def load_barn(folder: str | os.PathLike[str]) -> list[BarnWorld]:
             number=number,
             world=dataclasses.replace(load_sdf(worlds[number]), bounds=BOUNDS),
             path=benchmark_path(_cells(paths[number])),
+            file=worlds[number],
         )
         for number in sorted(worlds)
     ]

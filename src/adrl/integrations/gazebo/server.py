@@ -107,7 +107,7 @@ class GazeboServer:
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                start_new_session=True,  # Ctrl-C is for the parent, which then ends it
+                process_group=0,  # Ctrl-C is for the parent, which then ends it
             )
 
     def _open_display(self, prefix: list[str]) -> str:
@@ -121,7 +121,7 @@ class GazeboServer:
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 pass_fds=(writer,),
-                start_new_session=True,
+                process_group=0,
             )
         except FileNotFoundError:
             os.close(reader)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from adrl.errors import ConfigError, WorldError
 from adrl.integrations.gazebo.film import camera
-from adrl.integrations.gazebo.model import body_of, robot_model, wheel_torque_nm
+from adrl.integrations.gazebo.model import controller, robot_model
+from adrl.integrations.gazebo.published import Published
 from adrl.integrations.gazebo.server import GazeboServer, plugin_file
 from adrl.types import Array, RobotConfig, Task, World
 from adrl.worlds.sdf_write import (
@@ -52,14 +53,21 @@ class Gazebo:
         physics_step_s: float = PHYSICS_STEP_S,
         seed: int = 0,
         film: World | None = None,
+        published: Published | None = None,
     ) -> None:
         """num_envs: robots side by side. physics_step_s: about that, as the control period is a multiple of it.
-        film: the only world of the only robot, filmed from above, which is slow; see frames().
+        film: the only world of the only robot, filmed from above, which is slow; see frames(). published: a file
+        that is the only world of the only robot, with the file's physics.
 
         Raises MissingExtra where Gazebo is not set up; ConfigError; WorldError when it does not start.
         """
-        if num_envs < 1 or (film is not None and num_envs != 1):
-            raise ConfigError(f"num_envs is {num_envs}; give 1 or more, and 1 for a film")
+        only = film if published is None else published.world
+        if num_envs < 1 or (only is not None and num_envs != 1):
+            raise ConfigError(
+                f"num_envs is {num_envs}; give 1 or more, and 1 for a film or a published world"
+            )
+        if published is not None:
+            physics_step_s = published.step_s
         if not 0.0 < physics_step_s <= robot.control_period_s:
             raise ConfigError(
                 f"physics_step_s is {physics_step_s}; give at most the control period, {robot.control_period_s} s"
@@ -67,13 +75,18 @@ class Gazebo:
         self.robot = robot
         self.num_envs = num_envs
         steps = max(1, round(robot.control_period_s / physics_step_s))
-        content = [_physics(robot.control_period_s / steps)]
-        content += [robot_model(robot, f"robot_{i}", (i * SPACING_M, 0.0, 0.0)) for i in range(num_envs)]
-        content.append(_plugin(robot, num_envs, steps))
-        if film is not None:
-            # What is to be seen has to stand from the beginning.
-            content += [*models(film, "_0"), camera(film)]
-        self._server = GazeboServer(document(content, ground=True), seed=seed, rendered=film is not None)
+        if published is not None:
+            plugin = _plugin(1, steps, _reach_m(robot), published.base.controller(robot))
+            root = published.with_robot(robot, plugin)
+        else:
+            content = [_physics(robot.control_period_s / steps)]
+            content += [robot_model(robot, f"robot_{i}", (i * SPACING_M, 0.0, 0.0)) for i in range(num_envs)]
+            content.append(_plugin(num_envs, steps, _reach_m(robot), controller(robot)))
+            if film is not None:
+                # What is to be seen has to stand from the beginning.
+                content += [*models(film, "_0"), camera(film)]
+            root = document(content, ground=True)
+        self._server = GazeboServer(root, seed=seed, rendered=film is not None)
         self._offset = np.arange(num_envs) * SPACING_M
         row = np.dtype([("numbers", "<f8", NUMBERS), ("ranges", "<f4", robot.lidar.num_beams)])
         self._reply = np.zeros(num_envs, dtype=row)
@@ -81,11 +94,10 @@ class Gazebo:
         self._active = np.zeros(num_envs, np.uint8)
         self._stock = np.zeros((num_envs, 3), dtype=np.int64)
         """Boxes, cylinders and discs that each slot has."""
-        self._standing: list[World | None] = [None] * num_envs
-        self._film = film
+        self._standing: list[World | None] = [only] * num_envs
+        self._only = only
         self._warm_frames = 0
         if film is not None:
-            self._standing[0] = film
             self._stock[0, 2] = len(film.discs)
             try:
                 self._arrange(0, Parts(np.empty((0, 5)), np.empty((0, 3)), []), film.discs)
@@ -164,8 +176,8 @@ class Gazebo:
         Boxes and cylinders of the last world are given other sizes and places: Gazebo never quite forgets a model, and
         each reset would take longer than the last.
         """
-        if self._film is not None:
-            raise ConfigError("a film shows one world; start another for tasks in another one")
+        if self._only is not None:
+            raise ConfigError("this Gazebo has one world; start another for tasks in another one")
         self._arrange(slot, parts(world), world.discs + self._offset[slot] * _DISC_X)
 
     def _arrange(self, slot: int, standing: Parts, discs: Array) -> None:
@@ -234,19 +246,11 @@ def _reach_m(robot: RobotConfig) -> float:
     return robot.circumscribed_radius_m + mount + driven + slack
 
 
-def _plugin(robot: RobotConfig, num_envs: int, steps: int) -> Element:
-    body = body_of(robot)
+def _plugin(robots: int, steps: int, reach_m: float, controller: Mapping[str, Sequence[float]]) -> Element:
     plugin = Element("plugin", name="adrl_lockstep", filename=plugin_file())
-    for tag, number in (("port", 0), ("robots", num_envs), ("steps", steps)):
+    for tag, number in (("port", 0), ("robots", robots), ("steps", steps)):
         SubElement(plugin, tag).text = str(number)
-    add(plugin, "radius", body.wheel_radius_m)
-    add(plugin, "separation", body.wheel_separation_m)
-    add(plugin, "torque", wheel_torque_nm(robot, body))
-    add(plugin, "reach", _reach_m(robot))
-    add(plugin, "speed", robot.min_speed_mps, robot.max_speed_mps)
-    add(plugin, "yaw_rate", robot.max_yaw_rate_radps)
-    add(plugin, "acceleration", robot.max_acceleration_mps2)
-    add(plugin, "yaw_acceleration", robot.max_yaw_acceleration_radps2)
-    add(plugin, "lag", robot.lag_s)
-    add(plugin, "latency", robot.latency_s)
+    add(plugin, "reach", reach_m)
+    for tag, numbers in controller.items():
+        add(plugin, tag, *numbers)
     return plugin

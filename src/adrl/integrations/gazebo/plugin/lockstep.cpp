@@ -15,12 +15,14 @@
 //   'S' N x (f64 speed, yaw rate), N x u8 active
 //       One control period. Robots that are not active get the command to stand, and sense nothing.
 // State: N x (11 f64, K f32): x, y, yaw; odometry x, y, yaw; speed, yaw rate, from the wheels; metres driven and
-//   seconds until contact in this period; 1 for contact; then the ranges, infinite where nothing is hit.
+//   seconds until contact in this period; 1 for contact; then the ranges, infinite where nothing is hit. With an imu,
+//   yaw rate and heading of the odometry are its, not the wheels'.
 //
-// <plugin>: port, robots (N), steps (of physics in a control period), radius and separation of the wheels, torque, reach
-//   (range below which a robot may touch something in the next period), speed (2: least, greatest), yaw_rate,
-//   acceleration, yaw_acceleration, lag, latency. Robot i is the model robot_<i> with joints
-//   left and right, a collision "footprint" and a ray sensor "lidar".
+// <plugin>: port, robots (N), steps (of physics in a control period), radius and separation of the wheels, as the
+//   base's controller takes them, torque of each, reach (range below which a robot may touch something in the next
+//   period), speed (2: least, greatest), yaw_rate, acceleration, yaw_acceleration, lag, latency; imu (2, if there is
+//   one: standard deviations of the heading's error, drawn at each reset, and of the yaw rate's noise). Robot i is the
+//   model robot_<i> with joints left... and right..., a collision "footprint" and a ray sensor "lidar".
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -49,7 +51,7 @@ struct Twist {
 
 struct Robot {
     ModelPtr model;
-    gazebo::physics::JointPtr left, right;
+    std::vector<gazebo::physics::JointPtr> left, right; // the wheels of each side
     gazebo::sensors::RaySensorPtr lidar;
     std::vector<ModelPtr> passing; // models of this world alone
     std::vector<gazebo::physics::CollisionPtr> boxes, cylinders;
@@ -57,9 +59,16 @@ struct Robot {
     std::deque<Twist> commands; // newest first, one a physics step of the latency
     Twist wanted, target, executed;
     double odometry[3] = {};
-    double driven = 0.0, free_s = 0.0, clock = 0.0, fastest_disc = 0.0;
+    double driven = 0.0, free_s = 0.0, clock = 0.0, fastest_disc = 0.0, heading_error = 0.0;
     bool contact = false, active = false;
 };
+
+// Of the rims of these wheels, on average.
+double rim_speed(const std::vector<gazebo::physics::JointPtr> &wheels, double radius) {
+    double sum = 0.0;
+    for (const auto &wheel : wheels) sum += wheel->GetVelocity(0);
+    return radius * sum / static_cast<double>(wheels.size());
+}
 
 // A first-order lag within the acceleration limit, as advance_twist in core/drive/kinematics.cpp.
 double approach(double value, double goal, double response, double largest_change) {
@@ -89,6 +98,12 @@ class Lockstep : public gazebo::WorldPlugin {
         dt_s_ = world->Physics()->GetMaxStepSize();
         const double lag_s = sdf->Get<double>("lag");
         response_ = lag_s > 0.0 ? -std::expm1(-dt_s_ / lag_s) : 1.0;
+        if (sdf->HasElement("imu")) {
+            const auto imu = sdf->Get<ignition::math::Vector2d>("imu");
+            has_imu_ = true;
+            heading_std_ = imu.X();
+            yaw_rate_std_ = imu.Y();
+        }
         delay_ = static_cast<std::size_t>(std::lround(sdf->Get<double>("latency") / dt_s_));
         world->Physics()->SetRealTimeUpdateRate(0.0); // as fast as it can
         line_.connect(sdf->Get<int>("port"));
@@ -109,13 +124,18 @@ class Lockstep : public gazebo::WorldPlugin {
             const auto found = sensors->GetSensor(world_->Name() + "::" + name + "::base::lidar");
             robot.lidar = std::dynamic_pointer_cast<sensors::RaySensor>(found);
             if (!robot.lidar || !robot.lidar->LaserShape()) return false;
-            robot.left = robot.model->GetJoint("left");
-            robot.right = robot.model->GetJoint("right");
+            robot.left.clear();
+            robot.right.clear();
+            for (const auto &joint : robot.model->GetJoints()) {
+                const std::string &wheel = joint->GetName();
+                if (wheel.rfind("left", 0) == 0) robot.left.push_back(joint);
+                if (wheel.rfind("right", 0) == 0) robot.right.push_back(joint);
+                joint->SetParam("fmax", 0, torque_);
+            }
             const auto footprint = robot.model->GetLink("base")->GetCollision("footprint");
-            if (!robot.left || !robot.right || !footprint) end("robot without wheels or footprint");
+            if (robot.left.empty() || robot.right.empty() || !footprint) end("robot without wheels or footprint");
             owner_[footprint.get()] = i;
             robot.commands.assign(delay_ + 1, {});
-            for (const auto &joint : {robot.left, robot.right}) joint->SetParam("fmax", 0, torque_);
         }
         return true;
     }
@@ -130,11 +150,16 @@ class Lockstep : public gazebo::WorldPlugin {
             robot.target.v = approach(robot.target.v, due.v, response_, acceleration_ * dt_s_);
             robot.target.w = approach(robot.target.w, due.w, response_, yaw_acceleration_ * dt_s_);
             const double side = 0.5 * separation_ * robot.target.w;
-            robot.left->SetParam("vel", 0, (robot.target.v - side) / radius_);
-            robot.right->SetParam("vel", 0, (robot.target.v + side) / radius_);
+            turn(robot, (robot.target.v - side) / radius_, (robot.target.v + side) / radius_);
             if (robot.active) robot.clock += dt_s_;
             for (const Disc &disc : robot.discs) place(disc, robot.clock);
         }
+    }
+
+    // The motors' wanted speeds, rad/s.
+    static void turn(const Robot &robot, double left, double right) {
+        for (const auto &wheel : robot.left) wheel->SetParam("vel", 0, left);
+        for (const auto &wheel : robot.right) wheel->SetParam("vel", 0, right);
     }
 
     void after_step() {
@@ -159,15 +184,20 @@ class Lockstep : public gazebo::WorldPlugin {
         }
     }
 
-    // What the wheels' encoders tell, and what was driven before contact.
+    // What the wheels' encoders and the IMU tell, and what was driven before contact.
     void measure(Robot &robot) {
-        const double left = radius_ * robot.left->GetVelocity(0), right = radius_ * robot.right->GetVelocity(0);
+        const double left = rim_speed(robot.left, radius_), right = rim_speed(robot.right, radius_);
         robot.executed = {0.5 * (left + right), (right - left) / separation_};
         double *pose = robot.odometry;
-        const double heading = pose[2] + 0.5 * robot.executed.w * dt_s_;
+        double next = pose[2] + robot.executed.w * dt_s_;
+        if (has_imu_) {
+            robot.executed.w = robot.model->WorldAngularVel().Z();
+            next = robot.model->WorldPose().Rot().Yaw() + robot.heading_error;
+        }
+        const double heading = pose[2] + 0.5 * std::remainder(next - pose[2], 2.0 * M_PI);
         pose[0] += robot.executed.v * dt_s_ * std::cos(heading);
         pose[1] += robot.executed.v * dt_s_ * std::sin(heading);
-        pose[2] = std::remainder(pose[2] + robot.executed.w * dt_s_, 2.0 * M_PI);
+        pose[2] = std::remainder(next, 2.0 * M_PI);
         if (robot.contact) return;
         const auto velocity = robot.model->WorldLinearVel();
         robot.driven += std::hypot(velocity.X(), velocity.Y()) * dt_s_;
@@ -224,7 +254,9 @@ class Lockstep : public gazebo::WorldPlugin {
         robot.wanted = robot.target = robot.executed = {};
         robot.commands.assign(delay_ + 1, {});
         std::copy(start.begin(), start.end(), robot.odometry);
-        for (const auto &joint : {robot.left, robot.right}) joint->SetParam("vel", 0, 0.0);
+        if (has_imu_) robot.heading_error = ignition::math::Rand::DblNormal(0.0, heading_std_);
+        robot.odometry[2] += robot.heading_error;
+        turn(robot, 0.0, 0.0);
         robot.model->SetWorldPose({start[0], start[1], 0.0, 0.0, 0.0, start[2]});
         robot.model->ResetPhysicsStates();
         for (const Disc &disc : robot.discs) place(disc, 0.0);
@@ -311,6 +343,7 @@ class Lockstep : public gazebo::WorldPlugin {
         for (Robot &robot : robots_) {
             const auto pose = robot.model->WorldPose();
             const double *odometry = robot.odometry;
+            if (has_imu_) robot.executed.w += ignition::math::Rand::DblNormal(0.0, yaw_rate_std_);
             const double numbers[11] = {pose.Pos().X(),   pose.Pos().Y(),  pose.Rot().Yaw(),
                                         odometry[0],      odometry[1],     odometry[2],
                                         robot.executed.v, robot.executed.w, robot.driven,
@@ -347,8 +380,8 @@ class Lockstep : public gazebo::WorldPlugin {
     std::size_t delay_ = 0;
     double dt_s_ = 0.004, radius_ = 0.0, separation_ = 0.0, torque_ = 0.0, reach_ = 0.0;
     double min_speed_ = 0.0, max_speed_ = 0.0, max_yaw_rate_ = 0.0, acceleration_ = 0.0, yaw_acceleration_ = 0.0;
-    double response_ = 1.0;
-    bool ready_ = false;
+    double response_ = 1.0, heading_std_ = 0.0, yaw_rate_std_ = 0.0;
+    bool ready_ = false, has_imu_ = false;
 };
 
 GZ_REGISTER_WORLD_PLUGIN(Lockstep)

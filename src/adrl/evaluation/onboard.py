@@ -1,0 +1,58 @@
+"""A policy driven as a robot's node drives it: by scans and odometry alone, with supervisor and recovery."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from adrl.deploy import Navigator
+from adrl.deploy.messages import Odometry, Scan
+from adrl.deploy.policies import ResolvedPolicy
+from adrl.envs import NavSim
+from adrl.errors import ConfigError
+from adrl.observation import to_action
+from adrl.types import RobotConfig
+
+F32 = NDArray[np.float32]
+
+
+class Onboard:
+    """What rollout() takes for a policy: a Navigator a robot, which makes its own waypoints and is told of no map."""
+
+    def __init__(self, policy: ResolvedPolicy, robot: RobotConfig, guidance: str) -> None:
+        """guidance: goal or replan. Raises ConfigError for one that takes the map."""
+        if guidance == "map":
+            raise ConfigError("the benchmark gives no map; leave guidance out, or give goal or replan")
+        self.guidances = (guidance,)
+        self._options: dict[str, Any] = {"policy": policy, "robot": robot, "guidance": guidance}
+        self._navigators: dict[int, Navigator] = {}
+
+    def reset(self, rows: NDArray[np.intp]) -> None:
+        """Episodes of the robots `rows` (M,) begin."""
+        for row in rows.tolist():
+            self._navigators[row] = Navigator(**self._options)
+
+    def act_in(self, sim: NavSim) -> F32:
+        """(N, 2) actions: what the navigators command in this control period; to stand, of robots that have ended."""
+        twists = np.zeros((sim.num_envs, 2))
+        for row in np.flatnonzero(sim.b["active"]).tolist():
+            twists[row] = self._twist(self._navigators[row], sim, row)
+        return to_action(twists, sim.robot)
+
+    def _twist(self, navigator: Navigator, sim: NavSim, row: int) -> tuple[float, float]:
+        b, lidar, task = sim.b, sim.robot.lidar, sim.tasks[row]
+        assert task is not None
+        if navigator.goal is None:
+            navigator.set_goal(task.goal)
+        now_s = float(b["time"][row])
+        scan = Scan(
+            ranges=b["ranges"][row],
+            angle_min_rad=lidar.angle_min_rad,
+            angle_increment_rad=lidar.angle_increment_rad,
+            range_max_m=lidar.max_range_m,
+            stamp_s=now_s,
+        )
+        x, y, yaw = b["odometry"][row].tolist()
+        speed, yaw_rate = b["twist"][row].tolist()
+        odometry = Odometry(pose=(x, y, yaw), twist=(speed, yaw_rate), stamp_s=now_s)
+        return navigator.step(scan, odometry, now_s).twist
