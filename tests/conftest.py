@@ -88,6 +88,12 @@ def browser(chromium: str) -> "Iterator[Browser]":
 
 
 @pytest.fixture
+def hasty_compiler(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Processes that the test starts compile without optimising, in half the time: where the law is not in numbers."""
+    monkeypatch.setenv("XLA_FLAGS", "--xla_backend_optimization_level=0")
+
+
+@pytest.fixture
 def adrl(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Adrl:
     """adrl in a folder of the test's own."""
     monkeypatch.chdir(tmp_path)

@@ -198,6 +198,7 @@ def gone(pid: int) -> bool:
         return True
 
 
+@pytest.mark.usefixtures("hasty_compiler")
 @pytest.mark.slow
 @pytest.mark.integration
 def test_a_stopped_comparison_leaves_checkpoints(tmp_path: Path) -> None:
@@ -215,6 +216,7 @@ def test_a_stopped_comparison_leaves_checkpoints(tmp_path: Path) -> None:
     assert "--resume goes on" in (out / "logs" / "adrl-s0.log").read_text()
 
 
+@pytest.mark.usefixtures("hasty_compiler")
 @pytest.mark.slow
 @pytest.mark.integration
 def test_a_killed_comparison_goes_on_without_repeating_anything(
@@ -284,6 +286,7 @@ def check_results(out: Path) -> None:
     assert all(np.array_equal(goals, reference.goal_xy_m) for goals in tasks), "all drive the same tasks"
 
 
+@pytest.mark.usefixtures("hasty_compiler")
 @pytest.mark.slow
 @pytest.mark.integration
 def test_a_failed_job_is_named_and_the_others_go_on(

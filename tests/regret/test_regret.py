@@ -45,6 +45,7 @@ def tiny(out: Path, methods: str = "adrl,td3", seeds: int = 2) -> dict[str, Comp
     return found
 
 
+@pytest.mark.usefixtures("hasty_compiler")
 @pytest.mark.slow
 @pytest.mark.integration
 def test_a_killed_one_goes_on_and_tells_what_the_episodes_give(tmp_path: Path) -> None:

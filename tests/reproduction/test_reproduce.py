@@ -161,6 +161,7 @@ def test_the_commit_is_that_of_the_packages_own_checkout(
     assert calls.commit() == git("rev-parse", "HEAD") + "-dirty"
 
 
+@pytest.mark.usefixtures("hasty_compiler")
 @pytest.mark.slow
 @pytest.mark.integration
 def test_what_is_kept_is_what_was_run(tmp_path: Path) -> None:
@@ -206,6 +207,7 @@ def test_what_is_kept_is_what_was_run(tmp_path: Path) -> None:
     assert (out / "about.json").read_bytes() == about, "a call that runs nothing leaves no record"
 
 
+@pytest.mark.usefixtures("hasty_compiler")
 @pytest.mark.slow
 @pytest.mark.integration
 def test_the_kept_files_alone_suffice_to_go_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
