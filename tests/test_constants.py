@@ -159,7 +159,7 @@ def test_a_comparison_of_before_goes_on(tmp_path: Path) -> None:
     assert json.loads(path.read_text())["methods"].keys() == {"adrl", "td3", "bc"}
 
 
-@pytest.mark.parametrize("name", ["default", "jackal"])
+@pytest.mark.parametrize("name", ["diffbot", "jackal"])
 def test_shipped_policies_keep_their_replanner(name: str) -> None:
     policy = load_policy(resolve_policy(name))
     saved = policy.config.extra["environment"]["replanner"]

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from adrl.agents.config import TrainConfig
 from adrl.deploy.policies import find_policy
 from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig
 from adrl.runs import RunConfig
-from adrl.runs.run import REACH_M, Run
+from adrl.runs.run import REACH_M, SEED_ROBOTS, Run
 from adrl.worlds import FAMILIES, ROBOTS
 from small_run import TRAIN, run_cli
 
@@ -42,11 +43,23 @@ def test_each_task_has_a_robot_of_its_own_of_the_training_split():
     assert env.sim.encoder.mirror is not None, "robots that are not symmetric mirror into each other"
 
 
+def test_each_seed_trains_with_robots_of_its_own_and_all_are_validated_with_the_same():
+    runs = [Run.of(RunConfig(robot="any", learner=TrainConfig(seed=seed))) for seed in (0, 1, 7)]
+    trained = [{kind.robot.name for kind in run.make_env(4, task_pool=4).kinds} for run in runs]
+    assert trained[0] == {f"any:train:{i}" for i in range(4)}
+    assert trained[2] == {f"any:train:{7_000_000 + i}" for i in range(4)}
+    validated = [[robot.name for robot in run.robots("validation", 4)] for run in runs]
+    assert validated == [[f"any:validation:{i}" for i in range(4)]] * 3
+    assert RunConfig(task_pool=SEED_ROBOTS).task_pool == SEED_ROBOTS
+    with pytest.raises(ConfigError, match="task_pool"):
+        RunConfig(task_pool=SEED_ROBOTS + 1)  # robots of the next seed
+
+
 @pytest.mark.parametrize(
     ("options", "told"),
     [
         (
-            {"fine_tune": Path("default")},
+            {"fine_tune": Path("diffbot")},
             "policy of fine_tune is not told of the body: it was trained for robot diffbot",
         ),
         ({"env": "gazebo"}, "robot any is several, and gazebo drives one; give one"),

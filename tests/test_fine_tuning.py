@@ -21,15 +21,15 @@ from adrl.worlds import ROBOTS
 from deploy.recorded import a_policy_of_a_family
 from small_run import finished_run, run_cli
 
-DEFAULT = Path("default")
+DIFFBOT = Path("diffbot")
 SHORT = replace(ROBOTS["diffbot"], name="short", lidar=LidarConfig(max_range_m=3.0), min_speed_mps=-0.2)
 
 
 @pytest.mark.parametrize("robot", [ROBOTS["jackal"], SHORT], ids=lambda robot: robot.name)
 def test_the_policy_sees_the_robot_as_it_will_when_it_is_evaluated(tmp_path: Path, robot):
     """Scans and commands have the scales that it knows, before, during and after the run."""
-    run = Run.of(RunConfig(robot=robot, fine_tune=DEFAULT))
-    start = load_policy(resolve_policy("default"))
+    run = Run.of(RunConfig(robot=robot, fine_tune=DIFFBOT))
+    start = load_policy(resolve_policy("diffbot"))
     seen_as = as_trained(robot, ROBOTS["diffbot"])
     assert run.taken_as == find_policy(start).taken_as(robot) == seen_as
     about = replace(run.about_policy(), input_size=44)
@@ -67,7 +67,7 @@ def test_encoder_layers_and_replanner_are_the_policys():
 )
 def test_what_does_not_fit_the_policy_is_one_line(changes: dict, told: str):
     with pytest.raises(ConfigError, match=told) as caught:
-        Run.of(RunConfig(fine_tune=DEFAULT, **changes))
+        Run.of(RunConfig(fine_tune=DIFFBOT, **changes))
     assert "\n" not in str(caught.value)
 
 

@@ -15,7 +15,7 @@ from adrl.agents import checkpoint
 from adrl.comparison import results as compared
 from adrl.deploy.onnx_policy import OnnxPolicy
 from adrl.deploy.policies import find_policy
-from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
+from adrl.deploy.policy import load_policy, resolve_policy
 from adrl.descriptions import (
     Reading,
     given_fields,
@@ -166,7 +166,7 @@ WORLD = """<?xml version="1.0"?>
 def valid(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of each kind, as it is written."""
     top = tmp_path_factory.mktemp("valid")
-    shutil.copytree(resolve_policy(DEFAULT), top / "policy")
+    shutil.copytree(resolve_policy("diffbot"), top / "policy")
     config = json.loads((top / "policy" / "config.json").read_text())
     (top / "onnx").mkdir()
     lines = (json.dumps(config["robot"]), json.dumps(config["encoder"]), "0.5")

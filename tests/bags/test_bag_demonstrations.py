@@ -282,7 +282,7 @@ def test_steps_that_cut_every_episode_are_told(tmp_path: Path, capsys: pytest.Ca
 def test_a_clone_of_a_bag_drives(tmp_path: Path) -> None:
     bag, demos, run = tmp_path / "drives.bag", tmp_path / "demos", tmp_path / "run"
     driven = ("--split", "train", "--episodes", "100", "--threads", "1")
-    assert run_cli("evaluate", "--policy", "default", *driven, "--bag", bag) == 0
+    assert run_cli("evaluate", "--policy", "diffbot", *driven, "--bag", bag) == 0
     assert run_cli("collect", "--bag", bag, "--out", demos) == 0
     sizes = ("--td3.widths", "64", "64", "--num-envs", "16", "--task-pool", "8", "--validation-episodes", "8")
     learnt = ("--method", "bc", "--dataset", demos, "--steps", "2048", "--pretrain-updates", "2000")

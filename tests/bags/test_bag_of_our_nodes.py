@@ -35,7 +35,7 @@ def test_what_our_nodes_of_ros_1_drove_is_collected(ros1: Ros, tmp_path: Path) -
     robot = load_robot("diffbot")
     task = task_set(SCENARIOS["clutter"], robot, "test", 1)[0]
     ros1.node("sim", "--speed", "2")
-    ros1.node("drive", "--guidance", "goal")
+    ros1.node("drive", "--robot", "diffbot", "--guidance", "goal")
     bag = tmp_path / "drive.bag"
     recorder = ros1.start("record", ["rosbag", "record", "-a", "-O", str(bag)])
     # `rosbag` is a script: the recorder proper is its child, which starts later than it and ends later.

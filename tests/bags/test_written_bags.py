@@ -127,7 +127,7 @@ def test_scans_are_those_of_the_lidar_and_free_beams_are_infinite(tmp_path: Path
 
 def test_a_replanner_s_ways_are_plans(tmp_path: Path) -> None:
     options = {"scenario": "complex", "guidance": "replan", "episodes": 2, "num_threads": 1}
-    result = adrl.evaluate("default", **options, bag=tmp_path / "bag")
+    result = adrl.evaluate("diffbot", **options, bag=tmp_path / "bag")
     found = contents(tmp_path / "bag")
     assert result.rollout.replans.sum() > 0
     assert len(found["/plan"]) > result.rollout.replans.sum()

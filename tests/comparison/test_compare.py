@@ -343,7 +343,7 @@ class TestPoliciesOfOnesOwn:
 
     def test_they_are_rows_beside_the_planner(self, tmp_path: Path) -> None:
         onnx = tmp_path / "mine.onnx"
-        onnx.write_bytes(to_onnx(load_policy(resolve_policy("default"))))
+        onnx.write_bytes(to_onnx(load_policy(resolve_policy("diffbot"))))
         config = CompareConfig(
             methods="td3", policies=f"default, {onnx}", episodes=2, out=tmp_path / "out", learner=BUDGET
         )
@@ -377,7 +377,7 @@ class TestPoliciesOfOnesOwn:
     def test_names_are_told_apart(self, tmp_path: Path) -> None:
         for folder in ("a", "b"):
             (tmp_path / folder).mkdir()
-            (tmp_path / folder / "mine.onnx").write_bytes(to_onnx(load_policy(resolve_policy("default"))))
+            (tmp_path / folder / "mine.onnx").write_bytes(to_onnx(load_policy(resolve_policy("diffbot"))))
         config = CompareConfig(policies=f"{tmp_path}/a/mine.onnx,{tmp_path}/b/mine.onnx")
         with pytest.raises(ConfigError, match=r"both called mine\.onnx"):
             config.method_settings()

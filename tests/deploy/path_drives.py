@@ -26,7 +26,7 @@ class PathDrive:
             single_task(World(bounds=(-50, -50, 50, 50)), start, (9.0, 9.0), robot), world=world
         )
         self.base = SimulatedRobot(task, robot)
-        self.driver = Driver(Navigator("default", robot=robot, guidance="path", **options), localisation="tf")  # pyright: ignore
+        self.driver = Driver(Navigator("diffbot", robot=robot, guidance="path", **options), localisation="tf")  # pyright: ignore
         self.reports: list[Report] = []
         self.places: list[Pose] = []
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from adrl.deploy import MlpPolicy, Odometry, Scan, load_policy
-from adrl.deploy.policy import DEFAULT, PolicyConfig, resolve_policy
+from adrl.deploy.policy import PolicyConfig, resolve_policy
 from adrl.envs import NavSim
 from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.observation.motion import F32
@@ -15,8 +15,8 @@ from adrl.worlds import FAMILIES
 
 
 def a_policy(robot: RobotConfig, *, history_steps: int = 0) -> MlpPolicy:
-    """The shipped policy for any robot; with motion cues it heeds them too, at random."""
-    shipped = load_policy(resolve_policy(DEFAULT))
+    """The shipped policy of the diffbot for any robot; with motion cues it heeds them too, at random."""
+    shipped = load_policy(resolve_policy("diffbot"))
     encoder = EncoderConfig(history_steps=history_steps)
     layers = list(shipped.layers)
     if history_steps > 0:

@@ -367,7 +367,7 @@ def test_a_slow_watchdog_makes_the_braking_check_keep_farther_away() -> None:
     """Whenever the node dies, the base drives on for so long: with a wall ahead it may not be fast that near."""
     nearest = []
     for periods in (2.0, 5.0):
-        config, speeds = DriveConfig(guidance="goal", watchdog_periods=periods), []
+        config, speeds = DriveConfig(robot="diffbot", guidance="goal", watchdog_periods=periods), []
         for ahead_m in np.linspace(0.25, 0.8, 56):
             supervisor = config.driver().navigator.supervisor
             assert supervisor is not None
@@ -377,15 +377,15 @@ def test_a_slow_watchdog_makes_the_braking_check_keep_farther_away() -> None:
         nearest.append(0.25 + 0.01 * int(np.argmax(np.array(speeds) > 0.59)))
     assert nearest[1] - nearest[0] == pytest.approx(0.6 * 3 * PERIOD_S, abs=0.03)
     with pytest.raises(ConfigError, match="hold_periods"):
-        DriveConfig(guidance="goal", watchdog_periods=0.0).driver()
+        DriveConfig(robot="diffbot", guidance="goal", watchdog_periods=0.0).driver()
 
 
 def test_a_policy_of_guidance_map_asks_for_one() -> None:
     with pytest.raises(ConfigError, match="--map"):
-        DriveConfig().driver()
+        DriveConfig(robot="diffbot").driver()
     with pytest.raises(ConfigError, match="speed"):
         SimConfig(speed=-1.0)
-    assert DriveConfig(guidance="goal").driver().navigator.guidance == "goal"
+    assert DriveConfig(robot="diffbot", guidance="goal").driver().navigator.guidance == "goal"
 
 
 def test_the_simulated_base_has_a_watchdog_and_counts_what_it_hits() -> None:
@@ -416,7 +416,7 @@ class Lossy(Loop):
     def __init__(self, a_map: Path, tasks: Sequence[Task], seed: int) -> None:
         super().__init__()
         self.base = SimulatedRobot(tasks[0], ROBOT, seed)
-        self.driver = DriveConfig(map=a_map).driver()
+        self.driver = DriveConfig(robot="diffbot", map=a_map).driver()
         self.rng = np.random.default_rng(seed)
 
     def _obey(self, report: Report | None) -> None:

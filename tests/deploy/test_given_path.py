@@ -90,7 +90,7 @@ def test_what_is_no_path_is_refused(path: Array | None, words: str) -> None:
     with pytest.raises(BadGoal, match=words):
         drive.driver.set_goal((1.0, 1.0), "map", path=path)
     with pytest.raises(ConfigError, match="follows a path"):
-        Navigator("default", guidance="path").set_goal((1.0, 1.0))
+        Navigator("diffbot", guidance="path").set_goal((1.0, 1.0))
 
 
 def test_a_path_of_one_point_is_driven_to() -> None:
@@ -175,7 +175,7 @@ def test_a_heading_that_is_none_is_refused() -> None:
     with pytest.raises(BadGoal, match="heading"):
         drive.driver.set_goal((1.0, 1.0), "map", path=BEND, yaw_rad=math.nan)
     with pytest.raises(ConfigError, match="heading"):
-        Navigator("default", guidance="goal").set_goal((1.0, 1.0), yaw_rad=math.inf)
+        Navigator("diffbot", guidance="goal").set_goal((1.0, 1.0), yaw_rad=math.inf)
 
 
 # --- speed --------------------------------------------------------------------------------------------------

@@ -213,7 +213,7 @@ class Only:
 sys.meta_path.insert(0, Only())
 import math
 from adrl.deploy import Navigator, Odometry, Scan
-navigator = Navigator.load('default', guidance='replan')
+navigator = Navigator.load('diffbot', guidance='replan')
 navigator.set_goal((3.0, 0.0))
 scan = Scan(ranges=[4.0] * 180, angle_min_rad=-math.pi, angle_increment_rad=math.tau / 180, range_max_m=6.0,
             stamp_s=0.0)

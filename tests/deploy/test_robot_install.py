@@ -22,9 +22,12 @@ class Only:
         raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Only())
 """
-DRIVER = "from adrl.integrations.ros.config import DriveConfig; DriveConfig(map=Path(arguments[0])).driver()"
+DRIVER = """
+from adrl.integrations.ros.config import DriveConfig
+DriveConfig(robot="diffbot", map=Path(arguments[0])).driver()
+"""
 COMMAND = "from adrl.cli import main; sys.exit(main(arguments))"
-NODES = (["ros2", "drive", "--guidance", "goal"], ["ros1", "drive", "--guidance", "goal"])
+NODES = tuple([ros, "drive", "--robot", "diffbot", "--guidance", "goal"] for ros in ("ros2", "ros1"))
 
 
 def lines() -> list[list[str]]:

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from adrl.deploy.policy import DEFAULT, resolve_policy
+from adrl.deploy.policy import resolve_policy
 from adrl.integrations.gazebo.server import is_installed
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -78,14 +78,14 @@ def test_the_examples_of_a_page_run(page: Path, tmp_path: Path) -> None:
 @pytest.mark.integration
 @pytest.mark.parametrize("page", HOW_TO, ids=lambda page: page.stem)
 def test_a_how_to_runs_with_a_trained_run(page: Path, tmp_path: Path) -> None:
-    """Beside runs/mine, which is the shipped policy. What it builds stays in the clone for the next time."""
+    """Beside runs/mine, which is a shipped policy of one robot. What it builds stays in the clone for the next time."""
     text = page.read_text(encoding="utf-8").replace("-S examples/cpp", f"-S {ROOT / 'examples' / 'cpp'}")
     text = text.replace("build/cpp", str(ROOT / "build" / "how-to" / "cpp"))
     program = script(text, tmp_path)
     if not program and 'title="with Gazebo"' in text:
         pytest.skip("Gazebo is not set up; run scripts/gazebo-chroot")
     assert program, "no example in this page"
-    shutil.copytree(resolve_policy(DEFAULT), tmp_path / "runs" / "mine")
+    shutil.copytree(resolve_policy("diffbot"), tmp_path / "runs" / "mine")
     printed = run(program, tmp_path)
     for promised in re.findall("It prints `(.+)`", text):
         assert promised in printed

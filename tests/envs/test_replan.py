@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import adrl
-from adrl.deploy.policy import DEFAULT, MlpPolicy, load_policy, resolve_policy
+from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
 from adrl.envs import NavSim, NavVectorEnv, Setting
 from adrl.evaluation.rollout import Rollout, rollout
 from adrl.observation import EncoderConfig, in_robot_frame
@@ -17,7 +17,7 @@ from adrl.worlds import robot_from_fields
 from core.arenas import box
 from env_tasks import OneTask, quiet, room, straight_task
 
-POLICY = load_policy(resolve_policy(DEFAULT))
+POLICY = load_policy(resolve_policy("diffbot"))
 ROBOT = robot_from_fields(POLICY.config.robot)
 ENCODER = EncoderConfig(**POLICY.config.encoder)
 CONFIG = ReplannerConfig(cells=200)

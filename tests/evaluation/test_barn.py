@@ -295,7 +295,7 @@ def test_the_shipped_policy_has_seen_no_world_of_the_benchmark_and_arrives(two_w
 def test_only_the_jackal_is_scored(two_worlds: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     diffbot = finished_run(tmp_path_factory)
     assert run_cli("barn", "--worlds", two_worlds, "--policy", diffbot) == 2
-    assert run_cli("barn", "--worlds", two_worlds, "--policy", "default") == 2
+    assert run_cli("barn", "--worlds", two_worlds, "--policy", "diffbot") == 2
     assert run_cli("barn", "--worlds", two_worlds, "--policy", "astar-dwa", "--trials", 0) == 2
     assert run_cli("barn", "--worlds", two_worlds, "--policy", "astar-dwa", "--v-max", 2.5) == 2
     assert run_cli("barn", "--worlds", two_worlds / "nothing", "--policy", "astar-dwa") == 2

@@ -157,6 +157,10 @@ def test_the_command_names_the_worst_robot_and_the_report_replays_it(
     summary = json.loads((out / "summary.json").read_text())
     assert summary["worst_robot"]["robot"] in told
     assert "and the worst of 6 robots" in told
+    again = next(line for line in told.splitlines() if line.startswith("drive the worst again: adrl "))
+    words = again.removeprefix("drive the worst again: adrl ").split()
+    assert summary["worst_robot"]["robot"] in words
+    assert run_cli(*words, "--episodes", "1") == 0
     assert load_robot(summary["worst_robot"]["robot"]) == FAMILIES["any"].draw(
         "test", int(summary["worst_robot"]["robot"].rpartition(":")[2])
     )

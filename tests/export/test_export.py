@@ -15,7 +15,7 @@ import pytest
 
 from adrl.deploy import MlpPolicy
 from adrl.deploy.policies import find_policy
-from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
+from adrl.deploy.policy import load_policy, resolve_policy
 from adrl.errors import ConfigError
 from adrl.export.onnx_graph import to_onnx
 from adrl.export.plain import to_safetensors
@@ -125,7 +125,7 @@ def test_a_policy_of_a_family_is_exported_for_a_robot_that_is_named(
     assert model.taken_as(ROBOTS["jackal"]) == ROBOTS["jackal"]
     with pytest.raises(ConfigError, match=r"holds the encoder of robot jackal.*latency_s 0.1"):
         model.taken_as(replace(ROBOTS["jackal"], latency_s=0.1))
-    assert run_cli("export", DEFAULT, "--onnx", "--robot", "jackal", "--out", tmp_path / "d.onnx") == 2
+    assert run_cli("export", "diffbot", "--onnx", "--robot", "jackal", "--out", tmp_path / "d.onnx") == 2
     assert "was trained for robot diffbot and is exported for that" in capsys.readouterr().err
 
 
@@ -173,7 +173,7 @@ def test_the_cpp_example_refuses_malformed_rows(programs: Path, tmp_path: Path, 
 @pytest.mark.integration
 def test_the_cpp_example_drives_as_the_robot_of_its_policy_can(programs: Path, tmp_path: Path):
     file = tmp_path / "policy.safetensors"
-    policy = load_policy(resolve_policy(DEFAULT))
+    policy = load_policy(resolve_policy("diffbot"))
 
     def drive(**changes: float) -> subprocess.CompletedProcess[str]:
         config = replace(policy.config, robot={**policy.config.robot, **changes})
@@ -305,7 +305,7 @@ def test_the_cpp_example_tells_what_is_no_measurement(checked_program: Path, tmp
 
 def test_onnx_by_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
     out = tmp_path / "model.onnx"
-    assert run_cli("export", "default", "--onnx", "--out", out) == 0
+    assert run_cli("export", "diffbot", "--onnx", "--out", out) == 0
     assert capsys.readouterr().out.strip() == str(out)
     session = onnxruntime.InferenceSession(out, providers=["CPUExecutionProvider"])
     assert session.get_modelmeta().custom_metadata_map["guidance"] == "map"
@@ -322,9 +322,9 @@ def test_a_run_folder_keeps_its_model(tmp_path: Path):
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("default",),
-        ("default", "--onnx", "--safetensors"),
-        ("default", "--onnx"),
+        ("diffbot",),
+        ("diffbot", "--onnx", "--safetensors"),
+        ("diffbot", "--onnx"),
         ("nowhere", "--onnx", "--out", "x"),
     ],
 )

@@ -16,7 +16,7 @@ from PIL import Image
 
 from adrl import _core
 from adrl.cli import main
-from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
+from adrl.deploy.policy import load_policy, resolve_policy
 from adrl.envs import MILD, NavSim, Setting
 from adrl.errors import ConfigError, MissingExtra, UnknownName, WorldError
 from adrl.evaluation.drives import read_drives
@@ -213,7 +213,7 @@ class TestInGazebo:
 
     @pytest.mark.slow
     def test_the_shipped_policy_drives_as_it_does_in_our_simulator(self, gazebo: Gazebo) -> None:
-        policy = load_policy(resolve_policy(DEFAULT))
+        policy = load_policy(resolve_policy("diffbot"))
         robot = robot_from_fields(policy.config.robot)
         tasks = task_set(SCENARIOS["clutter"], robot, "test", 6)
         setting = Setting(
@@ -275,11 +275,11 @@ class TestInGazebo:
 
     @pytest.mark.slow
     def test_a_policy_is_fine_tuned(self, gazebo: Gazebo, tmp_path: Path) -> None:
-        arguments = ["train", "--env", "gazebo", "--fine-tune", "default", "--method", "td3"]
+        arguments = ["train", "--env", "gazebo", "--fine-tune", "diffbot", "--method", "td3"]
         arguments += ["--guidance", "map", "--num-envs", "4", "--steps", "600", "--start-steps", "200"]
         arguments += ["--critic-warmup-updates", "8", "--task-pool", "4", "--out", str(tmp_path / "run")]
         assert main(arguments) == 0
-        before, after = (load_policy(p).layers for p in (resolve_policy(DEFAULT), tmp_path / "run"))
+        before, after = (load_policy(p).layers for p in (resolve_policy("diffbot"), tmp_path / "run"))
         change = [float(np.abs(a[0] - b[0]).max()) for a, b in zip(before, after, strict=True)]
         assert 0.0 < max(change) < 0.2
 

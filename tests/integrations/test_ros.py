@@ -30,7 +30,7 @@ def test_fifty_goals_none_missed_none_collided(ros: Ros, a_map: str) -> None:
     """Goals on the map, the odometry's frame elsewhere, places told by a localisation."""
     goals = [task.goal for task in task_set(MapScenario(a_map), load_robot("diffbot"), "test", 51)[1:]]
     ros.node("sim", "--map", a_map, "--speed", "0")
-    ros.node("drive", "--map", a_map)
+    ros.node("drive", "--robot", "diffbot", "--map", a_map)
     probe = ros.probe()
     probe.wait(is_idle)
     time.sleep(1.0)  # a pose on the map comes with the first scans
@@ -53,7 +53,7 @@ def test_a_goal_is_reached_in_gazebo_in_real_time(ros: Ros) -> None:
     task = task_set(SCENARIOS["clutter"], load_robot("diffbot"), "test", 1)[0]
     *goal, _ = compose(inverse(task.start), (*task.goal, 0.0))
     robot = ros.node("sim", "--simulator", "gazebo")
-    node = ros.node("drive", "--guidance", "goal")
+    node = ros.node("drive", "--robot", "diffbot", "--guidance", "goal")
     probe = ros.probe("odom")
     probe.wait(is_idle)
     first = probe.order(goal=goal, frame="odom")
@@ -81,7 +81,7 @@ def test_a_goal_on_the_map_without_localisation_is_refused_and_one_in_odom_drive
     ros: Ros, a_map: str
 ) -> None:
     ros.node("sim", "--map", a_map, "--speed", "10", "localised:=false")
-    ros.node("drive", "guidance:=goal")
+    ros.node("drive", "robot:=diffbot", "guidance:=goal")
     probe = ros.probe("odom", "plan", "cmd_vel")
     first = probe.wait(is_idle)
     for number, (frame, refusal) in enumerate((("map", "NotLocalised"), ("base_link", "UnknownFrame")), 1):
@@ -113,7 +113,7 @@ def test_a_goal_on_the_map_without_localisation_is_refused_and_one_in_odom_drive
 def test_the_node_is_killed_and_started_again(ros: Ros, a_map: str) -> None:
     task = task_set(MapScenario(a_map), load_robot("diffbot"), "test", 1)[0]
     ros.node("sim", "--map", a_map, "--speed", "2")
-    node = ros.node("drive", "--map", a_map)
+    node = ros.node("drive", "--robot", "diffbot", "--map", a_map)
     probe = ros.probe("odom")
     probe.wait(is_idle)
     time.sleep(1.0)
@@ -123,7 +123,7 @@ def test_the_node_is_killed_and_started_again(ros: Ros, a_map: str) -> None:
     node.end(signal.SIGKILL)
     stands_from(probe, first, 1 + 2 + BRAKING_PERIODS)
     first = probe.count()
-    node = ros.node("drive", "--map", a_map)
+    node = ros.node("drive", "--robot", "diffbot", "--map", a_map)
     probe.wait(is_idle, first)
     stands_from(probe, first, 0)
     time.sleep(1.0)  # as above: its pose on the map comes by another connection
@@ -159,7 +159,7 @@ def test_it_stands_while_something_fails_and_drives_on_afterwards(ros: Ros, a_ma
     relayed = {
         topic: f"relayed/{topic.removeprefix('/')}" for topic in ("scan", "odom", "amcl_pose", "/clock")
     }
-    ros.node("drive", "--map", a_map, **relayed)
+    ros.node("drive", "--robot", "diffbot", "--map", a_map, **relayed)
     probe = ros.probe("odom", relay=True)
     probe.wait(is_idle)
     time.sleep(1.0)

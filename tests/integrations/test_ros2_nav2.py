@@ -70,7 +70,7 @@ def ready(probe: Probe, **here: Any) -> Probe:
 def with_controller(ros: Ros, *options: str, speed: str = "2") -> Probe:
     """Simulator and active controller."""
     ros.node("sim", "--scenario", "complex", "--speed", speed, "--tf")
-    ros.node("controller", *options)
+    ros.node("controller", "--robot", "diffbot", *options)
     return ready(active(ros))
 
 
@@ -197,7 +197,7 @@ def test_goals_that_cannot_be_end_with_nav2s_error_codes(ros2: Ros) -> None:
 def test_sensors_and_transforms_that_stop_end_a_goal_with_their_codes(ros2: Ros) -> None:
     """Faults of the runtime's table, through the action."""
     ros2.node("sim", "--scenario", "complex", "--tf")
-    ros2.node("controller", "costmap_update_timeout:=1.0", scan="relayed/scan")
+    ros2.node("controller", "--robot", "diffbot", "costmap_update_timeout:=1.0", scan="relayed/scan")
     relay = ros2.probe(relay=True)
     probe = ready(active(ros2))
     for fault in ("drop", "freeze", "nan", "late"):
@@ -213,7 +213,7 @@ def test_sensors_and_transforms_that_stop_end_a_goal_with_their_codes(ros2: Ros)
 
 def test_without_transforms_a_goal_ends_with_the_error_of_tf(ros2: Ros) -> None:
     ros2.node("sim", "--scenario", "complex", "--speed", "2")
-    ros2.node("controller")
+    ros2.node("controller", "--robot", "diffbot")
     status, probe = ros2.probe(), active(ros2)
     status.wait(lambda e: e["topic"] == "status" and e["reasons"] == "no_scan")  # where that is, is not known
     end = ended(probe, probe.order(follow=PATH))
@@ -223,7 +223,7 @@ def test_without_transforms_a_goal_ends_with_the_error_of_tf(ros2: Ros) -> None:
 
 def test_the_navigator_is_an_action_too_and_turns_where_it_is_told_to(ros2: Ros) -> None:
     ros2.node("sim", "--speed", "2", "--tf")
-    node = ros2.node("drive", "--guidance", "replan", "--localisation", "tf", "--goal-yaw")
+    node = ros2.node("drive", "--robot", "diffbot", "--guidance", "replan", "--localisation", "tf", "--goal-yaw")
     status, probe = ros2.probe(), nav2_probe(ros2)
     task = task_set(SCENARIOS["clutter"], load_robot("diffbot"), "test", 1)[0]
     ready(probe, navigate=task.start, frame="map")

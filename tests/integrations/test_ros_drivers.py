@@ -109,7 +109,7 @@ def test_what_is_stamped_0_is_of_the_moment_it_comes_and_that_is_said_once(
 
 
 def test_odometry_in_another_frame_is_not_used_and_named_once(caplog: pytest.LogCaptureFixture) -> None:
-    driver = DriveConfig(guidance="goal").driver()
+    driver = DriveConfig(robot="diffbot", guidance="goal").driver()
     at = Odometry(pose=(0.0, 0.0, 0.0), twist=(0.0, 0.0), stamp_s=0.1)
     with caplog.at_level(logging.WARNING, "adrl.driver"):
         for _ in range(2):

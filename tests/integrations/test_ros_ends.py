@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.realtime, pytest.mark.slow, pytest.ma
 def under_way(ros: Ros, speed: str = "2") -> tuple[Process, Process, Probe, int]:
     """Simulator, node and probe, the robot at speed; the number of the next event."""
     robot = ros.node("sim", "--speed", speed)
-    node = ros.node("drive", "--guidance", "goal")
+    node = ros.node("drive", "--robot", "diffbot", "--guidance", "goal")
     probe = ros.probe("odom", "cmd_vel")
     probe.wait(is_idle)
     first = probe.order(goal=(8.0, 0.0), frame="odom")
@@ -53,11 +53,11 @@ def test_a_node_that_another_takes_the_place_of_says_zero_too(ros: Ros) -> None:
 @pytest.mark.parametrize("kind", ["sim", "drive"])
 def test_it_ends_whatever_it_is_publishing(ros: Ros, kind: str) -> None:
     """Many times, as it takes a signal in the middle of a publication."""
-    other = ros.node(
-        "drive" if kind == "sim" else "sim", *(("--guidance", "goal") if kind == "sim" else ("--speed", "20"))
-    )
+    options = {"sim": ("--speed", "20"), "drive": ("--robot", "diffbot", "--guidance", "goal")}
+    beside = "drive" if kind == "sim" else "sim"
+    other = ros.node(beside, *options[beside])
     for turn in range(4):
-        node = ros.node(kind, *(("--speed", "20") if kind == "sim" else ("--guidance", "goal")))
+        node = ros.node(kind, *options[kind])
         probe = ros.probe("odom")
         probe.wait(is_idle)
         probe.wait(lambda event: event["topic"] == "odom", timeout_s=20.0)

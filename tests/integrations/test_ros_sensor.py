@@ -18,7 +18,7 @@ from adrl.integrations.ros.sensor import BEAMS, Sensor, flat_scan, points_of
 from adrl.types import Array
 from integrations.test_ros_topics import PERIOD_S, ROBOT, Node, header, new
 
-CONFIG = DriveConfig(guidance="goal", localisation="tf", heights=(0.1, 0.5))
+CONFIG = DriveConfig(robot="diffbot", guidance="goal", localisation="tf", heights=(0.1, 0.5))
 UPSIDE_DOWN = (1.0, 0.0, 0.0, 0.0)
 
 

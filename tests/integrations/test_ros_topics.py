@@ -60,7 +60,7 @@ class Node:
     """The driving node, its robot standing or moved by the test in an empty place."""
 
     def __init__(self, **options: Any) -> None:
-        config = DriveConfig(guidance="goal", **options)
+        config = DriveConfig(robot="diffbot", guidance="goal", **options)
         self.out = Publications(drive.publications(config))
         self.now_s, self.clock_late_s = 0.0, 0.0
         self.wall_s: float | None = None
@@ -110,7 +110,7 @@ class Node:
 def test_the_two_nodes_drive_to_a_goal_on_the_map() -> None:
     """Of what the simulated robot publishes the driving one makes commands; stamped, in frames of their own."""
     place = SimConfig(scenario="clutter", stamped=True, base_frame="r/base", scan_frame="r/laser")
-    config = DriveConfig(guidance="goal", stamped=True, base_frame="r/base")
+    config = DriveConfig(robot="diffbot", guidance="goal", stamped=True, base_frame="r/base")
     told, said = Publications(sim.PUBLICATIONS), Publications(drive.publications(config))
     with SimulatedRobot.of(place) as simulated:
         robot = sim.SimTopics(place, simulated, told.publish, header, new)

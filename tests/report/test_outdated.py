@@ -7,16 +7,16 @@ from pathlib import Path
 import pytest
 
 import adrl
-from adrl.deploy.policy import DEFAULT, load_policy, resolve_policy
+from adrl.deploy.policy import load_policy, resolve_policy
 from adrl.report.source import outdated, read_source
 from small_run import run_cli
 
 
 @pytest.fixture
 def run(tmp_path: Path) -> Path:
-    """The shipped policy as a run, with an evaluation of its own, one of the planner, and one of its on other tasks."""
+    """A shipped policy as a run, with an evaluation of its own, one of the planner, and one of its on other tasks."""
     run = tmp_path / "run"
-    shutil.copytree(resolve_policy(DEFAULT), run)
+    shutil.copytree(resolve_policy("diffbot"), run)
     (run / "metrics.jsonl").write_text('{"wall_s": 1.0, "env_steps": 1, "success": 0.5}\n')
     config = json.loads((run / "config.json").read_text())
     config["settings"] = {"scenario": "clutter"}

@@ -80,7 +80,7 @@ def test_fine_tuning_inherits_them(folder: Path, tmp_path: Path) -> None:
     MlpPolicy(layers, dataclasses.replace(first, input_size=44, widths=(1,))).save(tmp_path / "first")
     tuned = training_worlds(config_of(RunConfig(scenario="cellular", fine_tune=tmp_path / "first")))
     assert tuned == training_worlds(first) != set()
-    assert training_worlds(config_of(RunConfig(scenario="cellular", fine_tune=Path("default")))) == set()
+    assert training_worlds(config_of(RunConfig(scenario="cellular", fine_tune=Path("diffbot")))) == set()
 
 
 @pytest.mark.integration

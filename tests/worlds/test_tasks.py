@@ -12,9 +12,9 @@ from adrl import _core
 from adrl.errors import ConfigError, GoalOccupied, NoPath, StartOccupied, TaskError, UnknownName
 from adrl.planning.global_planner import length_m
 from adrl.types import RobotConfig, Scenario, Task, World
-from adrl.worlds import ROBOTS, MapScenario, SdfScenario, load_map, single_task, task_set
+from adrl.worlds import FAMILIES, ROBOTS, MapScenario, SdfScenario, load_map, single_task, task_set
 from adrl.worlds.clutter import Clutter
-from adrl.worlds.fixed import FixedWorld
+from adrl.worlds.fixed import KEPT, FixedWorld
 from adrl.worlds.shapes import box, cover, enclosure
 from map_files import write_map
 
@@ -202,3 +202,19 @@ def test_a_box_has_its_sides_and_discs_that_hold_it(
     points = np.concatenate([corners, inside @ np.array([(c, s), (-s, c)]) + (x, y)])
     apart = np.linalg.norm(points[:, None] - discs[:, :2], axis=-1)
     assert (apart <= discs[:, 2] + 1e-9).any(axis=1).all()
+
+
+def test_tasks_of_a_robot_are_the_same_whoever_came_before(maps: Path):
+    """A map is prepared once: its clearances for all robots, its free space for the last ones."""
+    robots = [FAMILIES["any"].draw("test", number) for number in range(KEPT + 4)]
+    shared = MapScenario(maps / "turtlebot3_world" / "map.yaml")
+    for robot in (*robots, robots[0]):
+        try:
+            expected = task_set(MapScenario(maps / "turtlebot3_world" / "map.yaml"), robot, "test", 2)
+        except TaskError:
+            with pytest.raises(TaskError):
+                task_set(shared, robot, "test", 2)
+            continue
+        for task, known in zip(task_set(shared, robot, "test", 2), expected, strict=True):
+            assert (task.start, task.goal, task.shortest_m) == (known.start, known.goal, known.shortest_m)
+    assert len(shared._prepared) <= KEPT

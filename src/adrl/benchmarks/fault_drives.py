@@ -12,7 +12,7 @@ import numpy as np
 from adrl.benchmarks.faults import FAULTS
 from adrl.benchmarks.faulty_lines import FaultyLines, params_of
 from adrl.deploy import MlpPolicy, Navigator, load_policy
-from adrl.deploy.policy import DEFAULT, resolve_policy
+from adrl.deploy.policy import resolve_policy
 from adrl.envs import NavSim
 from adrl.evaluation.statistics import wilson_interval
 from adrl.types import RobotConfig, Task
@@ -80,9 +80,9 @@ def table(drives: Iterable[Drive]) -> list[dict[str, Any]]:
 
 
 def policy_of(robot: RobotConfig) -> MlpPolicy:
-    """The shipped one of the robot, else `default` on the robot."""
+    """The shipped one of the robot, else the diffbot's on the robot."""
     own = robot.name == "jackal"
-    shipped = load_policy(resolve_policy("jackal" if own else DEFAULT))
+    shipped = load_policy(resolve_policy("jackal" if own else "diffbot"))
     config = dataclasses.replace(shipped.config, robot=dataclasses.asdict(robot))
     return shipped if own else MlpPolicy(shipped.layers, config)
 

@@ -36,7 +36,8 @@ def bench_ros2(policy: str, *, scans: int = 600, quota: float = 0.0) -> dict[str
         raise ConfigError(f"quota is {quota}; give a share of one core, or 0 for all of it")
     os.environ.setdefault("ROS_DOMAIN_ID", "101")
     os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-    command = [sys.executable, "-m", "adrl.cli", "ros2", "drive", "--policy", policy, "--guidance", "goal"]
+    command = [sys.executable, "-m", "adrl.cli", "ros2", "drive", "--policy", policy, "--robot", "diffbot"]
+    command += ["--guidance", "goal"]
     node = subprocess.Popen(command, stdin=subprocess.DEVNULL)
     try:
         with _limited(node.pid, quota):

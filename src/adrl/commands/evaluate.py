@@ -1,5 +1,6 @@
 """adrl evaluate."""
 
+import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,8 +10,9 @@ from adrl.commands.drive_options import DrivesOptions
 from adrl.commands.options import load_place, parse, write_document
 from adrl.commands.progress import console, counting_bar
 from adrl.errors import ConfigError
-from adrl.evaluation.over_robots import robots_table
-from adrl.evaluation.results import comparison_table, require_results_folder
+from adrl.evaluation.metrics import RATES
+from adrl.evaluation.over_robots import Columns, robots_table, worst_first
+from adrl.evaluation.results import Summary, comparison_table, require_results_folder
 from adrl.outputs import require_file
 from adrl.types import Scenario, Task
 from adrl.worlds import RobotFamily, load_robots, single_task
@@ -74,6 +76,7 @@ def main(arguments: Sequence[str]) -> int:
             on_step=show,
         )
     console().print(comparison_table([result.summary]))
+    _tell(_in_words(result.summary, options))
     if options.out is not None:
         result.save(options.out)
     write_document(options.json, result.summary)
@@ -104,6 +107,8 @@ def _over_robots(options: EvaluateOptions, place: Scenario, family: RobotFamily)
         )
     console().print(comparison_table([result.summary]))
     console().print(robots_table(result.robots, result.summary, str(options.robot)))
+    _tell(_in_words(result.summary, options))
+    _tell(f"drive the worst again: {_again(result.robots, options)}")
     if options.out is not None:
         from adrl.report.figures import save
         from adrl.report.over_robots import over_robots_figure
@@ -112,6 +117,43 @@ def _over_robots(options: EvaluateOptions, place: Scenario, family: RobotFamily)
         save(over_robots_figure(result.robots), options.out / "robots.png")
     write_document(options.json, result.summary)
     return 0
+
+
+def _tell(line: str) -> None:
+    console().print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+def _in_words(summary: Summary, options: EvaluateOptions) -> str:
+    """The table's first columns for who reads one for the first time, and where to see the drives."""
+    drives = summary["episodes"]
+    arrived, touched, late = (round(summary[name] * drives) for name in RATES)
+    low, high = (100.0 * summary[f"success_{end}"] for end in ("low", "high"))
+    see = (
+        "--out FOLDER keeps them for adrl report FOLDER"
+        if options.out is None
+        else shlex.join(["adrl", "report", str(options.out)]) + " shows them, failures first"
+    )
+    return (
+        f"of {drives} drives {arrived} arrived, {touched} touched something, {late} ran out of time; of all such "
+        f"drives {low:.1f} to {high:.1f} % arrive (95 % confidence). {see}"
+    )
+
+
+def _again(robots: Columns, options: EvaluateOptions) -> str:
+    """A command for the worst robot of a family."""
+    worst = int(robots["robot"][worst_first(robots)[0]])
+    words = [
+        "adrl",
+        "evaluate",
+        "--policy",
+        options.policy,
+        "--robot",
+        f"{options.robot}:{options.split}:{worst}",
+    ]
+    for name in ("scenario", "map", "world", "barn", "guidance"):
+        value = getattr(options, name)
+        words += [] if value is None else [f"--{name}", str(value)]
+    return shlex.join(words)
 
 
 def _own_task(options: EvaluateOptions) -> list[Task] | None:

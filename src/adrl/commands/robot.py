@@ -1,6 +1,7 @@
 """adrl robot."""
 
 import math
+import shlex
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
@@ -14,6 +15,7 @@ from rich.table import Table
 from adrl import files
 from adrl.commands.options import parse
 from adrl.commands.progress import console
+from adrl.deploy.policy import DEFAULT
 from adrl.descriptions import (
     Finding,
     Settled,
@@ -57,7 +59,7 @@ class RobotOptions:
     """Topic of the LiDAR that is meant, where there are several."""
     lidar: str | None = None
     """Link of the LiDAR in the URDF, where several or none are marked as one."""
-    out: Path | None = None
+    out: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Where to: a picture of a robot that is drawn (PNG, SVG or PDF; ROBOT.png when left out), the TOML file of one
     that is made (standard output when left out)."""
 
@@ -147,7 +149,15 @@ def _write(settled: Settled, name: str, out: Path | None) -> int:
         files.atomic_write_text(out, text)
         print(out)
         command = text.partition("\n")[0].removeprefix("# ")
-        console().print(f"to drive it: {command}", markup=False, highlight=False, soft_wrap=True)
+        measure = shlex.join(
+            ["adrl", "evaluate", "--policy", DEFAULT, "--robot", str(out), "--map", "MAP.yaml"]
+        )
+        for line in (
+            *_covered(robot, FAMILIES["any"]),
+            f"how well it is driven on your map: {measure}",
+            f"to drive it: {command}",
+        ):
+            console().print(line, markup=False, highlight=False, soft_wrap=True)
     return 0
 
 

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -15,11 +16,14 @@ from adrl.baselines.planners import PLANNER, PLANNERS
 from adrl.baselines.tuned import TUNED
 from adrl.deploy.policies import find_policy
 from adrl.errors import ConfigError, UnknownName
+from adrl.evaluation.evaluate import EPISODES
+from adrl.evaluation.family import ROBOTS, TASKS
 from adrl.imitation.experts import PERFECT, find_expert
 from adrl.registry import look_up
 from adrl.runs import RunConfig
 from adrl.simulators import NATIVE
-from adrl.types import GUIDANCE
+from adrl.types import GUIDANCE, RobotConfig
+from adrl.worlds import RobotFamily, load_robots
 
 ALL = "all"
 EVAL_INTERVAL_STEPS = 16_000
@@ -58,8 +62,10 @@ class CompareConfig(RunConfig):
     takes."""
     seeds: int = 10
     """Training seeds of each method, counted from --seed; 10 or more for a claim."""
-    episodes: int = 500
-    """Tasks on which each final policy is evaluated, one episode each."""
+    episodes: int | None = None
+    """Tasks on which each final policy is evaluated, one episode each: 500, or 20 of each robot of a family."""
+    robots: int | None = None
+    """Robots of a family that each final policy drives, the first of the split: 100 when left out."""
     split: Literal["validation", "test"] = "test"
     """Which tasks: task i of a split is the same for ever."""
     eval_guidance: str | None = None
@@ -86,15 +92,25 @@ class CompareConfig(RunConfig):
         super().__post_init__()
         for name in self.method_names:
             look_up("method", name, {**METHODS, **SB3_METHODS, ALL: None})
-        if self.env != NATIVE and (others := SB3_METHODS.keys() & set(self.method_names)):
+        others = SB3_METHODS.keys() & set(self.method_names)
+        if self.env != NATIVE and others:
             raise ConfigError(f"{min(others)} trains in our simulator only; leave it out, or env {self.env}")
+        if others and isinstance(self.driven, RobotFamily):
+            raise ConfigError(
+                f"{min(others)} has one discount for all steps, and those of {self.driven.name} differ from robot to "
+                "robot; leave it out, or give one robot"
+            )
         # The training's too: a worker would be the first to see it where the evaluation has its own.
-        for name in (self.resolved_guidance(), *self.guidance_names):
+        for name in (*self.guidances, *self.guidance_names):
             if name not in GUIDANCE:
                 raise UnknownName("guidance", name, GUIDANCE)
-        for name, least in (("seeds", 1), ("episodes", 1), ("workers", 0)):
-            if getattr(self, name) < least:
-                raise ConfigError(f"{name} is {getattr(self, name)}; give {least} or more")
+        for name, least in (("seeds", 1), ("episodes", 1), ("robots", 1), ("workers", 0)):
+            if (given := getattr(self, name)) is not None and given < least:
+                raise ConfigError(f"{name} is {given}; give {least} or more")
+        for name in ("robots", "routes"):
+            if getattr(self, name) and (name == "robots") != isinstance(self.driven, RobotFamily):
+                kind = "draws robots of a family" if name == "robots" else "keeps those of one robot"
+                raise ConfigError(f"{name} {kind}, and robot is {self.driven.name}; leave {name} out")
 
     @property
     def method_names(self) -> tuple[str, ...]:
@@ -110,6 +126,18 @@ class CompareConfig(RunConfig):
         return tuple(
             dict.fromkeys([PLANNER, *(name.strip() for name in self.policies.split(",") if name.strip())])
         )
+
+    @cached_property
+    def driven(self) -> RobotConfig | RobotFamily:
+        """What is trained for and evaluated with. Raises AdrlError."""
+        return load_robots(self.robot)
+
+    @property
+    def shared_tasks(self) -> dict[str, int]:
+        """What every evaluation drives, as options of adrl.evaluate, or of evaluate_family."""
+        if isinstance(self.driven, RobotFamily):
+            return {"robots": self.robots or ROBOTS, "episodes": self.episodes or TASKS}
+        return {"episodes": self.episodes or EPISODES}
 
     @property
     def guidance_names(self) -> tuple[str, ...]:
@@ -132,9 +160,11 @@ class CompareConfig(RunConfig):
         budgets = [] if learner.steps is None else [f"{learner.steps} steps"]
         budgets += [] if learner.max_seconds is None else [f"{learner.max_seconds:g} s"]
         place = "" if self.env == NATIVE else f"in {self.env} "
+        tasks = self.shared_tasks
+        each = f" of each of {tasks['robots']} robots" if "robots" in tasks else ""
         return (
-            f"scenario {self.load().name}, robot {self.one_robot.name}, trained {place}with guidance "
-            f"{self.resolved_guidance()} for {' or '.join(budgets)}, {self.episodes} {self.split} tasks"
+            f"scenario {self.load().name}, robot {self.driven.name}, trained {place}with guidance "
+            f"{self.resolved_guidance()} for {' or '.join(budgets)}, {tasks['episodes']} {self.split} tasks{each}"
         )
 
     def document(self) -> dict[str, Any]:
@@ -150,7 +180,8 @@ class CompareConfig(RunConfig):
         del content["learner"]["seed"]
         # Names become what they stand for today: a robot's file may change.
         content["scenario"] = self.load().name
-        content["robot"] = json.loads(json.dumps(asdict(self.one_robot)))
+        content["robot"] = json.loads(json.dumps(asdict(self.driven)))
+        content |= self.shared_tasks
         content["guidance"] = self.resolved_guidance()
         content["eval_guidance"] = ",".join(self.guidance_names)
         return content
@@ -188,8 +219,8 @@ def from_document(content: dict[str, Any]) -> CompareConfig:
 def _restored(kind: Any, value: Any) -> Any:
     """A value of this type, from what JSON made of it."""
     for option in get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,):
-        if is_dataclass(option) and isinstance(value, dict):
-            hints = get_type_hints(option)
+        hints = get_type_hints(option) if is_dataclass(option) else {}
+        if isinstance(value, dict) and hints and value.keys() <= hints.keys():
             return option(**{name: _restored(hints[name], entry) for name, entry in value.items()})  # pyright: ignore
         if get_origin(option) is tuple and isinstance(value, list):
             return tuple(_restored(get_args(option)[0], entry) for entry in value)

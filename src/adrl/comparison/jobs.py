@@ -21,6 +21,7 @@ from adrl.deploy.policy import CONFIG_FILE
 from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.results import write_table
 from adrl.runs import Run, RunConfig, train
+from adrl.worlds import RobotFamily
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -82,27 +83,16 @@ def run_job(config: CompareConfig, job: Job, started_s: float) -> None:
     policy = find_policy(job.method if run is None else run, PLANNERS)
     under = _own_guidances(policy, config) if run is None else config.guidance_names
     evaluations = [
-        api.evaluate(
-            policy,
-            scenario=config.load(),
-            robot=config.one_robot,
-            guidance=guidance,
-            record=config.routes,
-            split=config.split,
-            episodes=config.episodes,
-            num_threads=1,
-            out=folder / guidance if traced else None,
-        )
-        for guidance in under
+        _evaluation(config, policy, guidance, folder / guidance if traced else None) for guidance in under
     ]
     method = job.method if run is not None else policy.name
     tables = [
-        _table(result.rollout.episodes, method, job.seed, result.summary["guidance"])
-        for result in evaluations
+        _table(_episodes(result), method, job.seed, result.summary["guidance"]) for result in evaluations
     ]
     write_table(folder / EPISODES_FILE, concatenated(tables))
     if config.routes:
-        write_table(folder / ROUTES_FILE, _routes(evaluations))
+        alone = [result for result in evaluations if isinstance(result, api.Evaluation)]
+        write_table(folder / ROUTES_FILE, _routes(alone))
     if run is not None:
         for name in (METRICS_FILE, CONFIG_FILE):
             files.atomic_write_bytes(folder / name, (run / name).read_bytes())
@@ -112,6 +102,27 @@ def run_job(config: CompareConfig, job: Job, started_s: float) -> None:
     )
     if run is not None and not config.keep_checkpoints:
         shutil.rmtree(run / CHECKPOINT_FOLDER, ignore_errors=True)
+
+
+def _evaluation(
+    config: CompareConfig, policy: ResolvedPolicy, guidance: str, out: Path | None
+) -> api.Evaluation | api.FamilyEvaluation:
+    """Of a policy on the tasks of all, with the robot, or with robots of the family."""
+    given: dict[str, Any] = {
+        "scenario": config.load(),
+        "guidance": guidance,
+        "split": config.split,
+        "num_threads": 1,
+        "out": out,
+        **config.shared_tasks,
+    }
+    if isinstance(config.driven, RobotFamily):
+        return api.evaluate_family(policy, family=config.driven, **given)
+    return api.evaluate(policy, robot=config.driven, record=config.routes, **given)
+
+
+def _episodes(result: api.Evaluation | api.FamilyEvaluation) -> Episodes:
+    return result.rollout.episodes if isinstance(result, api.Evaluation) else result.episodes
 
 
 def _own_guidances(policy: ResolvedPolicy, config: CompareConfig) -> tuple[str, ...]:

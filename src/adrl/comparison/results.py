@@ -27,6 +27,8 @@ OURS = "adrl"
 """The method whose probability of improvement over each other one is told."""
 MEANS = ("success", "collision", "timeout", "distance_m", "time_s", "optimality", "spl")
 TRAINING = ("train_seconds", "env_steps", "gradient_updates")
+DECILE = "worst_decile"
+"""Told of the robots of a family alone."""
 
 Row = dict[str, Any]
 
@@ -115,7 +117,8 @@ def method_rows(runs: Sequence[Evaluated]) -> list[Row]:
     Rates, means over seeds with a stratified bootstrap interval `_low`, `_high`; `success_iqm`, `success_worst`;
     `seconds_to_90` the median over seeds, None where it is infinite or nothing was evaluated in training, and how many
     seeds got there; `improvement`: the probability that a seed of ours beats one of this method; the keys of
-    means_on_common_tasks, with the planner as the reference. The planner has no seeds: its intervals are over episodes.
+    means_on_common_tasks, with the planner as the reference; of a family `worst_decile` too. The planner has no seeds:
+    its intervals are over episodes.
     """
     groups: dict[tuple[str, str], list[Evaluated]] = {}
     for run in runs:
@@ -136,6 +139,8 @@ def _method_row(group: list[Evaluated], ours: list[Evaluated] | None) -> Row:
     for name in MEANS:
         row |= entry(name, seed_mean(_column(group, name)))
     row |= entry("success_iqm", seed_iqm(success)) | {"success_worst": min(success)}
+    if deciles := _column(group, DECILE):
+        row |= entry(DECILE, seed_mean(deciles))
     seconds = [run.seconds_to_90 for run in group]
     median = median_seconds_to_level(seconds)
     row["seconds_to_90"] = median if math.isfinite(median) else None
@@ -156,7 +161,8 @@ def _method_row(group: list[Evaluated], ours: list[Evaluated] | None) -> Row:
 def _reference_row(run: Evaluated) -> Row:
     summary = run.summary
     row: Row = {"method": run.method, "guidance": summary["guidance"], "seeds": None}
-    row |= {name + end: summary[name + end] for name in MEANS for end in ("", "_low", "_high")}
+    told = (*MEANS, *([DECILE] if DECILE in summary else []))
+    row |= {name + end: summary[name + end] for name in told for end in ("", "_low", "_high")}
     nothing = ("seconds_to_90", "seeds_to_90", "success_worst", *TRAINING, *COMMON)
     row["warnings"] = summary.get("warnings", [])
     return row | dict.fromkeys(nothing) | entry("success_iqm", None) | entry("improvement", None)
@@ -164,7 +170,7 @@ def _reference_row(run: Evaluated) -> Row:
 
 def _column(group: list[Evaluated], name: str) -> list[float]:
     """A metric of each seed; without the seeds where it is undefined, such as the time of no success."""
-    values = [run.summary[name] for run in group]
+    values = [run.summary.get(name) for run in group]
     return [float(value) for value in values if value is not None]
 
 
@@ -183,6 +189,7 @@ _COLUMNS = (
     _Column("success %", "success", 1, 100.0, True),
     _Column("IQM %", "success_iqm", 1, 100.0),
     _Column("worst %", "success_worst", 1, 100.0),
+    _Column("decile %", DECILE, 1, 100.0, True),
     _Column("coll. %", "collision", 1, 100.0),
     _Column("time out %", "timeout", 1, 100.0),
     _Column("Av.D m", "distance_m", 1, beside=True),
@@ -200,13 +207,24 @@ CAPTION = (
 )
 
 
+def _columns(rows: Sequence[Row]) -> list[_Column]:
+    """Those of the table."""
+    of_family = any(DECILE in row for row in rows)
+    return [column for column in _COLUMNS if of_family or column.metric != DECILE]
+
+
+def _caption(columns: Sequence[_Column]) -> str:
+    of_family = any(column.metric == DECILE for column in columns)
+    return CAPTION + ("; decile: success that nine of ten robots reach at least" if of_family else "")
+
+
 def _cell(row: Row, column: _Column) -> tuple[str, str]:
     """The estimate and its interval, as text."""
 
     def number(value: float) -> str:
         return f"{value * column.scale:.{column.decimals}f}"
 
-    value = row[column.metric]
+    value = row.get(column.metric)
     if value is None:
         never = column.metric == "seconds_to_90" and row["seeds_to_90"] is not None
         return (">budget" if never else "-"), ""
@@ -239,13 +257,14 @@ def _warnings(rows: Sequence[Row]) -> list[str]:
 
 def markdown(rows: Sequence[Row], title: str, missing: Sequence[str] = ()) -> str:
     """The table as Markdown; `missing` names jobs whose results are not in it."""
-    headings = ["method", "guidance", *(column.heading for column in _COLUMNS)]
+    columns = _columns(rows)
+    headings = ["method", "guidance", *(column.heading for column in columns)]
     lines = [title, "", "| " + " | ".join(headings) + " |", "|" + "-|" * len(headings)]
     for row in rows:
-        cells = [_cell(row, column) for column in _COLUMNS]
+        cells = [_cell(row, column) for column in columns]
         texts = [value + (f" [{interval}]" if interval else "") for value, interval in cells]
         lines.append("| " + " | ".join([row["method"], _note(row), *texts]) + " |")
-    lines += ["", CAPTION + "."]
+    lines += ["", _caption(columns) + "."]
     for line in _warnings(rows):
         lines += ["", line]
     if missing:
@@ -257,13 +276,14 @@ def rich_table(rows: Sequence[Row], title: str) -> "Table":
     """The table for a terminal: each estimate above its interval. Fits 80 columns."""
     from rich.text import Text
 
-    table = plain_table(title, "\n".join([CAPTION, *_warnings(rows)]), padding=0)
+    columns = _columns(rows)
+    table = plain_table(title, "\n".join([_caption(columns), *_warnings(rows)]), padding=0)
     table.add_column("method", overflow="fold", min_width=10)
-    for column in _COLUMNS:
+    for column in columns:
         table.add_column(column.heading.replace(" ", "\n"), justify="right", no_wrap=True)
     for row in rows:
         cells = [Text(row["method"]).append(f"\n{_note(row)}", style="dim")]
-        for column in _COLUMNS:
+        for column in columns:
             value, interval = _cell(row, column)
             cells.append(Text(value).append(f"\n{interval}" if interval else "", style="dim"))
         table.add_row(*cells)

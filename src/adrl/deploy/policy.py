@@ -30,6 +30,7 @@ MAX_MODEL_BYTES = 2**30
 DEFAULT = "default"
 SHIPPED = {
     DEFAULT: "ships with ADRL: diffbot, waypoints of a map",
+    "diffbot": "ships with ADRL: diffbot, waypoints of a map",
     "jackal": "ships with ADRL: the Jackal among BARN's cylinders, no map",
 }
 """The policies that ship with the package: name -> what each is for."""

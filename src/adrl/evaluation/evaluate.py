@@ -111,11 +111,11 @@ def evaluate(
     place = get_scenario(scenario)
     driver = find_policy(policy, PLANNERS)
     guidance, config = driver.require_guidance(guidance), driver.driven(robot)
-    taken_as = driver.taken_as(config)
     if paper_literal:
         _require_replanner(driver, guidance)
     constants = replanner or driver.replanner
     constants = constants.literal() if paper_literal else constants
+    setting = setting_of(driver, config, guidance, constants)
     warning = driver.strange(config)
     if warning is not None:
         LOG.warning(warning)
@@ -126,9 +126,6 @@ def evaluate(
     absent = sorted(set(bag_tasks or ()) - set(range(len(tasks))))
     if absent:
         raise ConfigError(f"bag_tasks has {absent[0]}; the tasks are 0 to {len(tasks) - 1}")
-    own, encoder = (
-        (None, driver.encoder) if isinstance(driver.encoder, EncoderConfig) else (driver.encoder, None)
-    )
     recorder = trace_recorder(driver.policy, reward_terms) if traces or out is not None else None
     with ExitStack() as stack:
         body = stack.enter_context(make_body(config)) if make_body is not None else None
@@ -138,16 +135,8 @@ def evaluate(
         result = rollout(
             driver.policy,
             tasks,
-            Setting(
-                robot=config,
-                guidance=guidance,
-                encoder=encoder,
-                replanner=constants,
-                maturity=driver.maturity,
-                taken_as=taken_as,
-                plans_itself=driver.plans_itself,
-            ),
-            encoder=own,
+            setting,
+            encoder=None if isinstance(driver.encoder, EncoderConfig) else driver.encoder,
             seed=seed,
             num_threads=num_threads,
             record=record,
@@ -156,19 +145,15 @@ def evaluate(
             body=body,
             on_drive=on_drive,
         )
-    meta = RunMeta(
-        policy=driver.name,
-        method=driver.method,
+    meta = RunMeta.of(
+        driver,
         robot=config.name,
         scenario=place.name,
         guidance=guidance,
         split=split,
         simulator="native" if body is None else type(body).__name__.lower(),
         paper_literal=guidance == "replan" and constants == constants.literal(),
-        trained_for=driver.made_for,
-        policy_fingerprint=driver.fingerprint,
         warnings=() if warning is None else (warning,),
-        **driver.training,
     )
     done = Evaluation(
         summary=summarise(result.episodes, meta),
@@ -191,6 +176,21 @@ def _require_replanner(driver: ResolvedPolicy, guidance: str) -> None:
         raise ConfigError(
             f"paper_literal sets equations of the replanner, and {driver.name} makes its own routes; leave it out"
         )
+
+
+def setting_of(
+    driver: ResolvedPolicy, robot: RobotConfig, guidance: str, replanner: ReplannerConfig
+) -> Setting:
+    """What a robot sees and follows when this policy drives it. An encoder of the policy's own is not in it."""
+    return Setting(
+        robot=robot,
+        guidance=guidance,
+        encoder=driver.encoder if isinstance(driver.encoder, EncoderConfig) else None,
+        replanner=replanner,
+        maturity=driver.maturity,
+        taken_as=driver.taken_as(robot),
+        plans_itself=driver.plans_itself,
+    )
 
 
 def trace_recorder(driver: Policy | PrivilegedPolicy, reward_terms: Sequence[RewardTerm]) -> TraceRecorder:

@@ -2,7 +2,9 @@
 
 import logging
 import os
+from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -13,9 +15,8 @@ from numpy.typing import NDArray
 from adrl import files
 from adrl.baselines.planners import PLANNERS
 from adrl.deploy.policies import ResolvedPolicy, find_policy
-from adrl.envs import Setting
 from adrl.errors import ConfigError, TaskError
-from adrl.evaluation.evaluate import trace_recorder
+from adrl.evaluation.evaluate import setting_of, trace_recorder
 from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.over_robots import Columns, by_robot, summarise_robots
 from adrl.evaluation.results import (
@@ -29,6 +30,7 @@ from adrl.evaluation.results import (
 from adrl.evaluation.rollout import CHUNK, PrivilegedPolicy, rollout
 from adrl.evaluation.traces import TRACES_FILE, Traces, write_traces
 from adrl.observation import EncoderConfig
+from adrl.processes import usable_cores
 from adrl.types import Policy, RobotConfig, Scenario, Task
 from adrl.worlds import RobotFamily, get_scenario, load_robots, task_set
 
@@ -118,13 +120,15 @@ def evaluate_family(
     side_by_side = (
         max(1, CHUNK // episodes) if own is None else 1
     )  # an encoder of a policy's own sees one robot
-    having_tasks = _with_tasks(drawn, place, split, robots, episodes, left_out)
+    having_tasks = _with_tasks(
+        drawn, place, split, robots, episodes, left_out, ahead=side_by_side, num_threads=num_threads
+    )
     while group := [*islice(having_tasks, side_by_side)]:
         ended = sum(map(len, parts))
         part = rollout(
             driver.policy,
             [task for _, _, tasks in group for task in tasks],
-            [_setting(driver, robot, guidance) for _, robot, _ in group],
+            [setting_of(driver, robot, guidance, driver.replanner) for _, robot, _ in group],
             kinds=[k for k in range(len(group)) for _ in range(episodes)],
             encoder=own,
             seed=seed,
@@ -143,17 +147,13 @@ def evaluate_family(
     numbers, together = np.array([*driven]), Episodes.concatenated(parts)
     whose = np.repeat(numbers, episodes)
     columns = by_robot([*driven.values()], numbers, together, whose)
-    meta = RunMeta(
-        policy=driver.name,
-        method=driver.method,
+    meta = RunMeta.of(
+        driver,
         robot=drawn.name,
         scenario=place.name,
         guidance=guidance,
         split=split,
-        trained_for=driver.made_for,
-        policy_fingerprint=driver.fingerprint,
         warnings=warnings,
-        **driver.training,
     )
     done = FamilyEvaluation(
         summary=summarise_robots(columns, meta, left_out),
@@ -168,29 +168,42 @@ def evaluate_family(
 
 
 def _with_tasks(
-    family: RobotFamily, place: Scenario, split: str, robots: int, episodes: int, left_out: dict[str, str]
+    family: RobotFamily,
+    place: Scenario,
+    split: str,
+    robots: int,
+    episodes: int,
+    left_out: dict[str, str],
+    *,
+    ahead: int,
+    num_threads: int,
 ) -> Iterator[tuple[int, RobotConfig, list[Task]]]:
-    """Number, robot and tasks of each; those that have none go to left_out, with why."""
-    for number in range(robots):
+    """Number, robot and tasks of each, in order; those that have none go to left_out, with why.
+
+    Tasks take as long to draw as to drive: those of `ahead` robots are drawn on threads of their own meanwhile.
+    """
+
+    def drawn(number: int) -> tuple[int, RobotConfig, list[Task] | TaskError]:
         robot = family.draw(split, number)
         try:
-            tasks = task_set(place, robot, split, episodes, first=number * episodes)
+            return number, robot, task_set(place, robot, split, episodes, first=number * episodes)
         except TaskError as error:
-            left_out[robot.name] = str(error)
-        else:
-            yield number, robot, tasks
+            return number, robot, error
 
-
-def _setting(driver: ResolvedPolicy, robot: RobotConfig, guidance: str) -> Setting:
-    return Setting(
-        robot=robot,
-        guidance=guidance,
-        encoder=driver.encoder if isinstance(driver.encoder, EncoderConfig) else None,
-        replanner=driver.replanner,
-        maturity=driver.maturity,
-        taken_as=driver.taken_as(robot),
-        plans_itself=driver.plans_itself,
-    )
+    numbers = iter(range(robots))
+    with ThreadPoolExecutor(num_threads or len(usable_cores())) as pool:
+        waiting = deque(pool.submit(drawn, number) for number in islice(numbers, ahead))
+        try:
+            while waiting:
+                number, robot, tasks = waiting.popleft().result()
+                waiting.extend(pool.submit(drawn, following) for following in islice(numbers, 1))
+                if isinstance(tasks, TaskError):
+                    left_out[robot.name] = str(tasks)
+                else:
+                    yield number, robot, tasks
+        finally:
+            for drawing in waiting:
+                drawing.cancel()
 
 
 def _strange(driver: ResolvedPolicy, robots: Sequence[RobotConfig], family: str) -> list[str]:

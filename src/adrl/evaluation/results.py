@@ -5,9 +5,10 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 from adrl import files, outputs
+from adrl.deploy.policies import ResolvedPolicy
 from adrl.errors import CheckpointError, ConfigError, FileError, brief
 from adrl.evaluation.metrics import (
     OVER_SUCCESSES,
@@ -73,6 +74,18 @@ class RunMeta:
     """Environment steps of training; None for a planner."""
     gradient_updates: int | None = None
     """Critic updates of training; None for a planner."""
+
+    @classmethod
+    def of(cls, driver: ResolvedPolicy, **where: Any) -> Self:
+        """Of a policy; where: the fields that do not follow from it."""
+        return cls(
+            policy=driver.name,
+            method=driver.method,
+            trained_for=driver.made_for,
+            policy_fingerprint=driver.fingerprint,
+            **driver.training,
+            **where,
+        )
 
 
 def summarise(episodes: Episodes, meta: RunMeta) -> Summary:

@@ -135,7 +135,7 @@ def scores(comparisons: Mapping[str, CompareConfig]) -> tuple[Scores, dict[str, 
 def _columns(config: CompareConfig) -> dict[str, Array]:
     """Columns of the episodes of all runs, (M methods, S seeds, E tasks), in the order of the tasks."""
     runs = [_run(config, job) for job in _trainings(config)]
-    shape = (config.seeds, len(config.method_names), config.episodes)  # jobs are seed-major
+    shape = (config.seeds, len(config.method_names), config.shared_tasks["episodes"])  # jobs are seed-major
     return {name: np.array([run[name] for run in runs]).reshape(shape).swapaxes(0, 1) for name in COLUMNS}
 
 
@@ -145,8 +145,9 @@ def _run(config: CompareConfig, job: Job) -> dict[str, Array]:
     try:
         run = outcomes(folder)[config.resolved_guidance()]
         order = np.argsort(run["task"], kind="stable")
-        if not np.array_equal(run["task"][order], np.arange(config.episodes)):
-            raise KeyError(f"not tasks 0 to {config.episodes - 1}")
+        count = config.shared_tasks["episodes"]
+        if not np.array_equal(run["task"][order], np.arange(count)):
+            raise KeyError(f"not tasks 0 to {count - 1}")
         return {name: run[name][order] for name in COLUMNS}
     except KeyError as error:
         raise CheckpointError(

@@ -180,6 +180,7 @@ class _Shared(TypedDict):
     robot: _Name
     guidance: str
     episodes: int
+    robots: NotRequired[int | None]
     split: str
     learner: _Budget
 
@@ -277,7 +278,8 @@ def _comparison(folder: Path) -> Source:
         "budget of each run": " or ".join(budgets),
         "methods": str(len(logs)),
         "training runs": str(sum(map(len, logs.values()))),
-        "evaluated on": f"{shared['episodes']} {shared['split']} tasks",
+        "evaluated on": f"{shared['episodes']} {shared['split']} tasks"
+        + (f" of each of {shared['robots']} robots" if shared.get("robots") else ""),
     }
     # The order of the table, the planner's last.
     order = list(dict.fromkeys(row["method"] for row in rows))

@@ -89,13 +89,13 @@ class Run:
 
     def make_env(self, num_envs: int, **options: Any) -> NavVectorEnv:
         """The environment of training, with the learner's reward and first S. options: of NavVectorEnv."""
-        learner = self.learner
+        learner, task_pool = self.learner, options.get("task_pool", self.config.task_pool)
         given = {
             "scenario": self.scenarios,
-            "robot": self.robot,
+            "robot": self.robots("train", task_pool),
             "guidance": self.guidances,
             "replanner": self.replanner,
-            "task_pool": self.config.task_pool,
+            "task_pool": task_pool,
             "task_priority": 0.0,
             "encoder": self.encoder,
             "taken_as": self.taken_as,
@@ -151,16 +151,27 @@ class Run:
 
         return evaluate
 
+    def robots(self, split: str, count: int) -> Sequence[RobotConfig]:
+        """The robot, or of a family one for each of `count` tasks of a split.
+
+        Each seed trains with robots of its own: those of seed s are s * SEED_ROBOTS and on. All are validated with the
+        same ones.
+        """
+        if isinstance(self.robot, RobotConfig):
+            return (self.robot,)
+        first = self.learner.seed * SEED_ROBOTS if split == "train" else 0
+        return [self.robot.draw(split, first + i) for i in range(count)]
+
     def mixture(self, split: str, count: int) -> Mixture:
         """What `count` tasks of a split are made of."""
-        robots: list[RobotConfig | Kind]
-        if isinstance(self.robot, RobotFamily):
-            robots = [self.robot.draw(split, i) for i in range(count)]
-        else:
+        robots: Sequence[RobotConfig | Kind] = self.robots(split, count)
+        if isinstance(self.robot, RobotConfig):
             robots = [Kind(robot=self.robot, guidance=g, taken_as=self.taken_as) for g in self.guidances]
         return Mixture(robots=robots, guidances=self.guidances, scenarios=self.scenarios)
 
 
+SEED_ROBOTS = 1_000_000
+"""Training robots that belong to one seed: as many as a pool may have tasks."""
 REACH_M = 10.0
 """Where the scale of the scan's distances ends for a policy of a family, if nothing else is said: farther is free."""
 

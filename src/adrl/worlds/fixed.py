@@ -5,7 +5,7 @@ import logging
 import numpy as np
 
 from adrl.errors import TaskError
-from adrl.planning.grid import clearance_limit_m, free_space, planning_grid
+from adrl.planning.grid import PlanningGrid, clearance_limit_m, free_space, planning_grid
 from adrl.types import RobotConfig, Task, World
 from adrl.worlds.inside import inside
 from adrl.worlds.tasks import GOAL_TOLERANCE_M, TaskSpace, draw_task, task_space
@@ -14,6 +14,8 @@ LOG = logging.getLogger("adrl.worlds")
 
 PATH_M = (5.0, 30.0)
 """Least and greatest length of the shortest path, where the world allows."""
+KEPT = 16
+"""Robots of different size whose free space is kept."""
 TINY_M = 0.1
 """Clearance below which a smaller robot is no advice."""
 
@@ -30,6 +32,7 @@ class FixedWorld:
         self.world = world
         self.open_bounds = open_bounds
         # Clearances and regions are the dear part of a task; what matters of a robot is its radius.
+        self._clearances: PlanningGrid | None = None
         self._prepared: dict[float, tuple[TaskSpace, tuple[float, float]]] = {}
 
     def task(self, rng: np.random.Generator, robot: RobotConfig) -> Task:
@@ -38,17 +41,27 @@ class FixedWorld:
         Raises TaskError where the robot has no room.
         """
         key = robot.circumscribed_radius_m
-        if key not in self._prepared:
-            self._prepared[key] = self._prepare(robot)
-        tasks, path_range_m = self._prepared[key]
+        prepared = self._prepared.get(key)
+        if prepared is None:
+            prepared = self._prepared[key] = self._prepare(robot)
+            for oldest in tuple(self._prepared)[:-KEPT]:  # the robots of a family are as many as one asks for
+                self._prepared.pop(oldest, None)
+        tasks, path_range_m = prepared
         try:
             return draw_task(self.world, tasks, rng, robot, path_range_m=path_range_m, tries=200)
         except TaskError as error:
             raise TaskError(f"{self.name}: {error}") from None
 
+    def _grid(self, limit_m: float) -> PlanningGrid:
+        """Clearances up to limit_m at least: the same for all robots."""
+        known = self._clearances
+        if known is None or known.limit_m < limit_m:
+            known = self._clearances = planning_grid(self.world, limit_m)
+        return known
+
     def _prepare(self, robot: RobotConfig) -> tuple[TaskSpace, tuple[float, float]]:
         """The task space and the range of path lengths it allows."""
-        space = free_space(planning_grid(self.world, clearance_limit_m(robot)), robot)
+        space = free_space(self._grid(clearance_limit_m(robot)), robot)
         tasks = task_space(space)
         if self.open_bounds:
             tasks, choice = inside(self.world, tasks)
