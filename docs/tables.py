@@ -3,7 +3,8 @@
     python docs/tables.py            writes every table of README.md and docs/ anew
     python docs/tables.py --check    says which pages do not tell what their files say, and fails
 
-A page holds a table between two comments, the first of which names a form of FORMS and a file below docs/results:
+A page holds a table between two comments, the first of which names a form of FORMS and a file or folder below
+docs/results:
 
     <!-- table: compare compare/jackal-131k.json -->
     <!-- end of table -->
@@ -18,20 +19,23 @@ from pathlib import Path
 from typing import Any
 
 from adrl import files
+from adrl.deploy.policy import load_policy, resolve_policy
 from adrl.report.markdown import cell, table
 from adrl.reproduction.reported import label
+from adrl.runs.card import card
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
 BLOCK = re.compile(r"(<!-- table: (?P<form>\S+) (?P<file>\S+) -->\n).*?(<!-- end of table -->)", re.DOTALL)
 
 
-def compare_rows(content: Any) -> list[str]:
+def compare_rows(path: Path) -> list[str]:
     """The rows of the results.json of adrl compare: intervals over seeds, of a planner over tasks."""
     headings = (
         *("method", "guidance", "seeds", "success, %", "worst seed, %", "hit, %"),
         *("Av.T, s", "path / shortest"),
     )
+    content = _json(path)
     rows = [
         [
             label(row["method"]),
@@ -48,7 +52,7 @@ def compare_rows(content: Any) -> list[str]:
     return table(headings, rows)
 
 
-def regret_rows(content: Any) -> list[str]:
+def regret_rows(path: Path) -> list[str]:
     """The methods of the regret.json of adrl regret."""
     headings = ("method", "regret in success, points", "greatest", "regret in time, %", "greatest")
     rows = [
@@ -59,21 +63,35 @@ def regret_rows(content: Any) -> list[str]:
             cell(row, "regret_time", 1, 100.0),
             f"{100.0 * row['worst_time']:.1f}",
         ]
-        for row in content["rows"]
+        for row in _json(path)["rows"]
     ]
     return table(headings, rows)
 
 
-FORMS: dict[str, Callable[[Any], list[str]]] = {"compare": compare_rows, "regret": regret_rows}
-"""How a file becomes a table."""
+def policy_card(folder: Path) -> list[str]:
+    """The card of the shipped policy of the folder's name, from what docs/measure_policy.py wrote there."""
+    policy = load_policy(resolve_policy(folder.name))
+    measured = [_json(path) for path in sorted(folder.glob("*.json"))]
+    return card(policy.config, policy.fingerprint, measured)
+
+
+def _json(path: Path) -> Any:
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+FORMS: dict[str, Callable[[Path], list[str]]] = {
+    "compare": compare_rows,
+    "policy": policy_card,
+    "regret": regret_rows,
+}
+"""How a file, or a folder of them, becomes a table."""
 
 
 def rewritten(page: str) -> str:
     """The page with its tables as their files have them. Raises KeyError for an unknown form, OSError for no file."""
 
     def anew(match: re.Match[str]) -> str:
-        content = json.loads((RESULTS / match["file"]).read_text(encoding="utf-8"))
-        lines = FORMS[match["form"]](content)
+        lines = FORMS[match["form"]](RESULTS / match["file"])
         return match[1] + "\n" + "\n".join(lines) + "\n" + match[4]
 
     return BLOCK.sub(anew, page)

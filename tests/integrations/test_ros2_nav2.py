@@ -223,7 +223,9 @@ def test_without_transforms_a_goal_ends_with_the_error_of_tf(ros2: Ros) -> None:
 
 def test_the_navigator_is_an_action_too_and_turns_where_it_is_told_to(ros2: Ros) -> None:
     ros2.node("sim", "--speed", "2", "--tf")
-    node = ros2.node("drive", "--robot", "diffbot", "--guidance", "replan", "--localisation", "tf", "--goal-yaw")
+    node = ros2.node(
+        "drive", "--robot", "diffbot", "--guidance", "replan", "--localisation", "tf", "--goal-yaw"
+    )
     status, probe = ros2.probe(), nav2_probe(ros2)
     task = task_set(SCENARIOS["clutter"], load_robot("diffbot"), "test", 1)[0]
     ready(probe, navigate=task.start, frame="map")

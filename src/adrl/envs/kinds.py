@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.errors import UnknownName
-from adrl.types import GUIDANCE, RobotConfig, RobotRows
+from adrl.types import GUIDANCE, Array, RobotConfig, RobotRows
 
 Mask = NDArray[np.bool_]
 
@@ -61,3 +61,15 @@ class KindRows:
         return type(self)(
             robot=self.robot[rows], known=self.known[rows], on_map=self.on_map[rows], led=self.led[rows]
         )
+
+
+def agreed(mask: Mask) -> bool | None:
+    """What all kinds are, None where some are and some are not."""
+    return bool(mask[0]) if (mask == mask[0]).all() else None
+
+
+def chosen(agreed: bool | None, mask: Mask, yes: Array, no: Array) -> Array:
+    """(N, ...) rows of yes where the mask (N,) is true, of no elsewhere; one of them itself where all kinds agree."""
+    if agreed is not None:
+        return yes if agreed else no
+    return np.where(mask.reshape(-1, *[1] * (yes.ndim - 1)), yes, no)

@@ -3,19 +3,17 @@
 No autoreset and no Gymnasium: NavVectorEnv and the evaluation's rollout are built on this.
 """
 
-import dataclasses
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from adrl import _core
-from adrl.envs.kinds import Kind, KindRows
+from adrl.envs.kinds import Kind, KindRows, agreed, chosen
 from adrl.envs.randomization import NOMINAL, Randomization, draw_params
+from adrl.envs.steps import Outcome, Steps
 from adrl.errors import ConfigError
-from adrl.geometry import wrapped
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.observation.motion import ScanHistory
 from adrl.planning.local_control import CONTROLLERS, DWA, LocalControl
@@ -23,9 +21,8 @@ from adrl.planning.path_guide import sim_config
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.registry import look_up
-from adrl.rewards import RewardConfig, Step, features, terms
+from adrl.rewards import RewardConfig
 from adrl.rewards.step import reference_period_s
-from adrl.rewards.terms import STAGNATION_WINDOW
 from adrl.simulators import Body
 from adrl.types import Array, RobotConfig, Task
 
@@ -33,19 +30,6 @@ F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
 Rows = NDArray[np.intp] | slice
 ALL = slice(None)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What one step brought, a row a robot."""
-
-    reached: Mask
-    collided: Mask
-    timed_out: Mask
-    reward_terms: F32
-    """(N, R) r_i of eqs 7-12."""
-    features: F32
-    """(N, F) features of the state in which the action was taken."""
 
 
 class NavSim:
@@ -104,7 +88,7 @@ class NavSim:
         self._table = KindRows.of(self.kinds, plans_itself=plans_itself)
         self.rows = self._table[self.b["kind"]]
         """What each row is at present."""
-        self._on_map, self._led = _agreed(self._table.on_map), _agreed(self._table.led)
+        self._on_map = agreed(self._table.on_map)
         self._reach_as_known = bool((self._table.robot.max_range_m == self._table.known.max_range_m).all())
         configs = [sim_config(kind.robot, _led_by(kind, plans_itself)) for kind in self.kinds]
         natives = [(kind.robot.native, config) for kind, config in zip(self.kinds, configs, strict=True)]
@@ -123,9 +107,7 @@ class NavSim:
         self.tasks: list[Task | None] = [None] * num_envs
         self._time_limit_s = np.full(num_envs, np.inf)
         self._last_action = np.zeros((num_envs, 2), dtype=np.float32)
-        self._displacements = np.zeros((num_envs, STAGNATION_WINDOW))
-        self._features = np.zeros((num_envs, len(self.reward.features())), dtype=np.float32)
-        self._quantities = self.reward.quantities()
+        self._steps = Steps(self, self._table, self.reward)
         steps = self.encoder.config.history_steps
         self._history = ScanHistory(num_envs, num_beams, steps) if steps > 0 else None
 
@@ -199,10 +181,7 @@ class NavSim:
             goals = np.array([task.goal for task in tasks]).reshape(-1, 2)
             self.replanner.reset(indices, goals, self.b["odometry"][indices])
             self._replan(mask.astype(bool))
-        # A robot that has just started is not stagnant: its window begins full.
-        own = self.rows.robot[indices]
-        self._displacements[indices] = (own.max_speed_mps * own.control_period_s)[:, None]
-        self._features[indices] = features(self._snapshot(indices), self.reward)
+        self._steps.begin(indices)
 
     def set_task(self, i: int, task: Task) -> None:
         """Another world or goal for robot i, which goes on from where it is; reset() begins the task."""
@@ -218,7 +197,7 @@ class NavSim:
         """What an encoder takes: ranges, goal in the robot's frame, twist, last action, and the scans' history."""
         b = self.b
         # A known map comes with localisation; mapless robots only have their odometry.
-        pose = _chosen(self._on_map, self.rows.on_map[rows], b["pose"][rows], b["odometry"][rows])
+        pose = chosen(self._on_map, self.rows.on_map[rows], b["pose"][rows], b["odometry"][rows])
         goal = in_robot_frame(pose, b["waypoint"][rows])
         if self.replanner is not None:
             goal = self.replanner.as_goals(goal, rows)
@@ -230,46 +209,20 @@ class NavSim:
     def step(self, actions: F32) -> Outcome:
         """Execute (N, 2) normalised actions for one control period on every active robot."""
         b = self.b
-        before_pose = b["pose"].copy()
-        before_guided = self._guided_pose().copy()
-        before_waypoint = b["waypoint"].copy()
-        before_distance = self._distance()
+        before = self._steps.before()
         self._last_action = np.clip(actions, -1.0, 1.0).astype(np.float32)
         b["command"][:] = to_twist(actions, self.rows.known)
         if self.body is None:
             self.native.step()
         else:
             self.body.step(b)
-            self.native.follow(before_pose)
+            self.native.follow(before.pose)
         if self._history is not None:
             self._history.add(self._ranges(), b["odometry"])
-        moved = np.hypot(*(b["pose"][:, :2] - before_pose[:, :2]).T)
-        self._displacements[:, :-1] = self._displacements[:, 1:]
-        self._displacements[:, -1] = moved
-        reached, collided = b["reached"].astype(bool), b["collided"].astype(bool)
-        timed_out = (b["time"] >= self._time_limit_s - 1e-6) & ~reached & ~collided
-        step = self._snapshot(
-            reached=reached,
-            collided=collided,
-            timed_out=timed_out,
-            displacement_m=moved,
-            turn_rad=wrapped(b["pose"][:, 2] - before_pose[:, 2]),
-            coordinate_distance_m=self._coordinate_distance(),
-            previous_distance_m=before_distance,
-            heading_error_rad=_heading_error(self._guided_pose(), before_waypoint),
-            previous_heading_error_rad=_heading_error(before_guided, before_waypoint),
-        )
-        outcome = Outcome(
-            reached=reached,
-            collided=collided,
-            timed_out=timed_out,
-            reward_terms=terms(step, self.reward),
-            features=self._features,
-        )
+        outcome, step = self._steps.outcome(before, self._time_limit_s)
         if self.replanner is not None:
             self._replan(b["active"].astype(bool))
-            step = dataclasses.replace(step, distance_m=self._distance())
-        self._features = features(step, self.reward)
+        self._steps.see(step, waypoints_moved=self.replanner is not None)
         return outcome
 
     def people(self, row: int) -> Array:
@@ -318,8 +271,7 @@ class NavSim:
         """Copies of all that changes; with the tasks, enough to continue to the same bytes."""
         own = {
             "last_action": self._last_action,
-            "displacements": self._displacements,
-            "features": self._features,
+            **self._steps.state(),
             "time_limit_s": self._time_limit_s,
         }
         own |= {f"expert.{name}": array for name, array in self.expert.b.items()}
@@ -337,8 +289,7 @@ class NavSim:
             array[:] = state.get(name, 0) if name in _NEWER else state[name]
         self._know_kinds()
         self._last_action = state["last_action"].copy()
-        self._displacements = state["displacements"].copy()
-        self._features = state["features"].copy()
+        self._steps.set_state(state)
         self._time_limit_s[:] = state["time_limit_s"]
         for name, array in self.expert.b.items():
             array[:] = state.get(f"expert.{name}", 0.0)  # states of before know of no memory
@@ -386,86 +337,10 @@ class NavSim:
         taken[farther] = np.where(ranges[farther] < reach[farther], ranges[farther], known[farther])
         return taken
 
-    def _distance(self, rows: Rows = ALL) -> Array:
-        """(N,) metres to the goal: straight, or along the path for guidance `map`.
-
-        For `replan` straight to the waypoint and from there along the robot's own route, which no step changes.
-        """
-        straight = np.hypot(*(self.b["waypoint"][rows] - self._guided_pose()[rows, :2]).T)
-        if self.replanner is not None:
-            straight += self.replanner.beyond_m[rows]
-        return _chosen(self._on_map, self.rows.on_map[rows], self.b["route_left"][rows], straight).copy()
-
-    def _guided_pose(self) -> Array:
-        """(N, 3) poses in the frame that waypoints are given in: replanned ones are in the odometry's."""
-        return _chosen(self._led, self.rows.led, self.b["odometry"], self.b["pose"])
-
-    def _coordinate_distance(self) -> Array:
-        """(N,) metres from the robot's centre to the nearest obstacle's coordinates, for the literal eq 8.
-
-        Looked up for that form only, for every active robot: d_r is the circumscribed radius, and an obstacle beside
-        a long robot may have its middle nearer than that without contact.
-        """
-        distance = np.full(self.num_envs, np.inf)
-        if self.reward.eq8 == "literal":
-            for i in np.flatnonzero(self.b["active"]):
-                task = self.tasks[i]
-                assert task is not None
-                points = [task.world.coordinates(float(self.b["time"][i])), self.people(int(i))[:, :2]]
-                offsets = np.concatenate(points) - self.b["pose"][i, :2]
-                distance[i] = np.hypot(*offsets.T).min(initial=np.inf)
-        return distance
-
-    def _snapshot(self, rows: Rows = ALL, **changes: Any) -> Step:
-        """The current state of robots as the reward sees it; without changes, one in which nothing has moved."""
-        distance = self._distance(rows)
-        n = len(distance)
-        if "heading_error_rad" not in changes:
-            error = _heading_error(self._guided_pose()[rows], self.b["waypoint"][rows])
-            changes |= {"heading_error_rad": error, "previous_heading_error_rad": error}
-        values: dict[str, Any] = {
-            "reached": np.zeros(n, dtype=bool),
-            "collided": np.zeros(n, dtype=bool),
-            "timed_out": np.zeros(n, dtype=bool),
-            "speed_mps": self.b["twist"][rows, 0],
-            "yaw_rate_radps": self.b["twist"][rows, 1],
-            "distance_m": distance,
-            "previous_distance_m": distance,
-            "clearance_m": self.b["clearance"][rows],
-            "mean_displacement_m": self._displacements[rows].mean(axis=1),
-            "displacement_m": np.zeros(n),
-            "turn_rad": np.zeros(n),
-            "coordinate_distance_m": np.full(n, np.inf),
-            "contact_m": self.rows.robot.circumscribed_radius_m[rows],
-            "max_speed_mps": self.rows.robot.max_speed_mps[rows],
-            "max_yaw_rate_radps": self.rows.robot.max_yaw_rate_radps[rows],
-            "dt_s": self.rows.robot.control_period_s[rows],
-            "quantities": {name: quantity(self)[rows] for name, quantity in self._quantities.items()},
-        }
-        return Step(**(values | changes))
-
-
-def _agreed(mask: Mask) -> bool | None:
-    """What all kinds are, None where some are and some are not."""
-    return bool(mask[0]) if (mask == mask[0]).all() else None
-
-
-def _chosen(agreed: bool | None, mask: Mask, yes: Array, no: Array) -> Array:
-    """(N, ...) rows of yes where the mask (N,) is true, of no elsewhere; one of them itself where all kinds agree."""
-    if agreed is not None:
-        return yes if agreed else no
-    return np.where(mask.reshape(-1, *[1] * (yes.ndim - 1)), yes, no)
-
 
 def _led_by(kind: Kind, plans_itself: bool) -> str:
     """The guidance that the simulator gives: one that plans itself is told the goal alone."""
     return "goal" if kind.guidance == "replan" and plans_itself else kind.guidance
-
-
-def _heading_error(pose: Array, target: Array) -> Array:
-    """(N,) angle from the heading to the target, in (-pi, pi]."""
-    ahead = in_robot_frame(pose, target)
-    return np.arctan2(ahead[:, 1], ahead[:, 0])
 
 
 _NEWER = ("kind", "at_fault", "people")

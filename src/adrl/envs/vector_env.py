@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from adrl.envs.kinds import Kind
 from adrl.envs.mixture import Mixture, TaskPool
-from adrl.envs.nav_sim import Body, NavSim, Outcome
+from adrl.envs.nav_sim import Body, NavSim
 from adrl.envs.randomization import MILD, NOMINAL, Randomization
 from adrl.envs.render import Renderer
+from adrl.envs.steps import Outcome
 from adrl.envs.task_draws import Generator, Seeds, TaskDraws
 from adrl.errors import ConfigError, UnknownName
 from adrl.observation import EncoderConfig

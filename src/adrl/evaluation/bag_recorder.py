@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from adrl.bags import BagWriter
 from adrl.bags.writer import MAP, ODOM
-from adrl.envs.nav_sim import NavSim, Outcome
+from adrl.envs.nav_sim import NavSim
+from adrl.envs.steps import Outcome
 from adrl.evaluation.traces import StepLog
 from adrl.types import Array, Task
 

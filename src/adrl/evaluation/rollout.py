@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from adrl.deploy.policies import act, begin, checked_actions
 from adrl.envs import Body, NavSim, Setting, simulate
-from adrl.envs.nav_sim import Outcome
+from adrl.envs.steps import Outcome
 from adrl.errors import ConfigError, TaskError
 from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.social import Company

@@ -13,7 +13,8 @@ from safetensors import SafetensorError, safe_open
 from safetensors.numpy import save as pack_safetensors
 
 from adrl import files
-from adrl.envs.nav_sim import NavSim, Outcome
+from adrl.envs.nav_sim import NavSim
+from adrl.envs.steps import Outcome
 from adrl.errors import AdrlError, CheckpointError, FileError, brief
 from adrl.evaluation.metrics import RATES
 from adrl.geometry import in_robot_frame, in_world_frame

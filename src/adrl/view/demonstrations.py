@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.envs.nav_sim import NavSim, Outcome
+from adrl.envs.nav_sim import NavSim
+from adrl.envs.steps import Outcome
 from adrl.errors import ConfigError, MissingExtra
 from adrl.observation import EncoderConfig
 from adrl.types import RobotConfig, Scenario
