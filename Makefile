@@ -57,7 +57,7 @@ $(TOOLS): constraints.txt | $(PY)
 
 $(CORE): $(TOOLS) pyproject.toml $(BUILD_FILES)
 	@echo "building the core, installing what it needs"
-	@$(INSTALL) --no-build-isolation --editable .
+	@$(INSTALL) --no-build-isolation --editable '.[train]'
 	@touch $@
 
 $(DEV): constraints.txt pyproject.toml | $(CORE)

@@ -17,14 +17,14 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import adrl
-from adrl.errors import CheckpointError, MissingExtra
+from adrl.errors import CheckpointError
 from adrl.evaluation.traces import Trace, Traces
 from adrl.report import document as document_module
 from adrl.report.document import MOST_BEAMS, MOST_FRAMES, MOST_REPLAYS, charts, document
 from adrl.report.encode import numbers, packed
 from adrl.report.failure_map import failure_map
 from adrl.report.figures import save
-from adrl.report.html import page, plotly_script
+from adrl.report.html import page
 from adrl.report.paper import paper_figures
 from adrl.report.source import Source, read_source
 from adrl.rewards import REWARD_TERMS
@@ -241,17 +241,6 @@ def test_what_is_no_result_folder_is_named(
     (tmp_path / "traces.safetensors").write_bytes(b"{}")
     with pytest.raises(CheckpointError, match=r"traces\.safetensors"):
         read_source(tmp_path)
-
-
-def test_without_plotly_the_command_says_what_to_install(
-    evaluation: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(sys.modules, "plotly.offline", None)
-    with pytest.raises(MissingExtra, match=r"pip install 'adrl\[report\]'"):
-        plotly_script()
-    assert run_cli("report", evaluation) == 2
-    assert "adrl[report]" in capsys.readouterr().err
-    assert not (evaluation / "report.html").exists()
 
 
 def test_figures_for_papers_hold_the_map_and_the_routes(evaluation: Path, tmp_path: Path) -> None:

@@ -5,6 +5,8 @@ import importlib.util
 import os
 from pathlib import Path
 
+from adrl import extras
+
 GPU_PLUGINS = ("jax_cuda12_plugin", "jax_cuda13_plugin", "jax_rocm60_plugin", "jax_rocm7_plugin")
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3  # malloc.h
@@ -25,6 +27,7 @@ def _keep_freed_memory() -> None:
         mallopt(M_TRIM_THRESHOLD, 2_000_000_000)
 
 
+extras.require("train", "training")
 _pin_platform()
 _keep_freed_memory()
 

@@ -1,9 +1,8 @@
 """Policies that ADRL is compared with."""
 
-import importlib.util
 from dataclasses import dataclass
 
-from adrl.errors import MissingExtra
+from adrl import extras
 
 
 @dataclass(frozen=True)
@@ -33,5 +32,4 @@ SB3_METHODS: dict[str, Baseline] = {
 
 def require_sb3() -> None:
     """Raises MissingExtra unless Stable-Baselines3 and PyTorch are installed; imports neither."""
-    if any(importlib.util.find_spec(name) is None for name in ("torch", "stable_baselines3")):
-        raise MissingExtra.named("baselines", f"each of the methods {', '.join(SB3_METHODS)}")
+    extras.require("baselines", f"each of the methods {', '.join(SB3_METHODS)}")

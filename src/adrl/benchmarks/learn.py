@@ -9,7 +9,7 @@ from importlib import metadata
 from itertools import pairwise
 from typing import Any
 
-from adrl import processes
+from adrl import extras, processes
 from adrl.agents.config import Td3Config
 from adrl.baselines import require_sb3
 from adrl.benchmarks.learn_worker import OBSERVATION_SIZE
@@ -31,6 +31,7 @@ def bench_learn(
     if not widths or min(widths) < 1:
         raise ConfigError(f"widths is {list(widths)}; give one or more positive widths")
     require_rounds(rounds, seconds)
+    extras.require("train", "adrl bench learn")
     cores = processes.usable_cores()
     kinds = ("adrl", "td3", PEER) if _sb3_is_there() else ("adrl", "td3")
     with ExitStack() as stack:

@@ -10,7 +10,15 @@ from adrl.commands.options import load_place, parse, tell_guidance
 from adrl.commands.progress import console
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError
-from adrl.imitation import BagSummary, BagTopics, Source, collect, read_demonstrations, save_minari
+from adrl.imitation import (
+    BagSummary,
+    BagTopics,
+    Source,
+    collect,
+    read_demonstrations,
+    require_minari,
+    save_minari,
+)
 from adrl.imitation.best_planner import best_planner
 from adrl.imitation.experts import PERFECT
 from adrl.observation import EncoderConfig
@@ -81,6 +89,7 @@ def main(arguments: Sequence[str]) -> int:
         "collect",
         "Record demonstrations as a Minari dataset: of an expert in the simulator, or from bags of your robot.",
     )
+    require_minari()
     require_folder("--out", options.out)
     _refuse_others(options)
     return _from_bags(options) if options.bag else _from_simulator(options)

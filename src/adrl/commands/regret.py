@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from adrl import extras
 from adrl.commands.options import parse
 from adrl.commands.progress import console, job_bar
 from adrl.outputs import require_folder
 from adrl.regret.page import PAGE_FILE, few_seeds, write_page
-from adrl.regret.regret import ENOUGH_SEEDS, QUICK_SEEDS, preset, regret, require_statsmodels
+from adrl.regret.regret import ENOUGH_SEEDS, QUICK_SEEDS, preset, regret
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,7 +58,7 @@ def main(arguments: Sequence[str]) -> int:
         for name, config in comparisons.items():
             print(f"{name}: {config.title()}")
         return 0
-    require_statsmodels()
+    extras.require("regret", "adrl regret")
     require_folder("--out", out)
     failed: dict[str, Path] = {}
     if not options.tables_only:

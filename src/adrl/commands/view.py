@@ -21,6 +21,7 @@ from adrl.view.choices import Offer
 from adrl.view.drive import Drive
 from adrl.view.messages import Choose
 from adrl.view.recording import Replay
+from adrl.view.server import serve
 from adrl.view.show import Show
 from adrl.worlds import SCENARIOS, load_robot
 from adrl.worlds.place import Place
@@ -66,9 +67,6 @@ def main(arguments: Sequence[str]) -> int:
         ViewOptions, arguments, "view", "Watch and steer drives live, in a browser on this machine."
     )
     require_folder("--out", options.out.absolute().parent)
-    # Before anything is loaded: without its extra there is no page.
-    from adrl.view.server import serve
-
     show = _show(options)
     try:
         serve(show, port=options.port, token=options.token, tell=_tell)

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
 
-from adrl import files
+from adrl import extras, files
 from adrl.agents.budget import require_end
 from adrl.agents.saved_run import learner_of_before
 from adrl.baselines import SB3_METHODS, require_sb3
 from adrl.comparison.config import DRIVING, CompareConfig, differences
 from adrl.comparison.jobs import EPISODES_FILE, Job, all_jobs, concatenated, is_finished
 from adrl.comparison.pool import log_path, run_all
-from adrl.comparison.ray_pool import require_ray, run_on_ray
+from adrl.comparison.ray_pool import run_on_ray
 from adrl.comparison.results import markdown, method_rows, read_runs
 from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.evaluation.results import write_table
@@ -51,10 +51,11 @@ def compare(
     the folder.
     """
     require_end(config.learner)
+    extras.require("train", "a comparison")
     if set(config.method_names) & SB3_METHODS.keys():
         require_sb3()
     if config.ray is not None:
-        require_ray()
+        extras.require("ray", "--ray")
     for method in config.method_names:
         config.run(method, config.learner.seed, config.out)
     with locked(config.out):

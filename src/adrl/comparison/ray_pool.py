@@ -6,7 +6,6 @@ them. Every machine of the cluster needs this version of ADRL, and the files tha
 
 import contextlib
 import fcntl
-import importlib.util
 import logging
 import os
 import socket
@@ -23,17 +22,11 @@ from adrl import files, processes
 from adrl.comparison.config import CompareConfig, from_document
 from adrl.comparison.jobs import RESULT_FILE, Job, is_finished
 from adrl.comparison.pool import CACHE_VARIABLE, WORKER, cache_path, log_path, task_line
-from adrl.errors import ConfigError, MissingExtra
+from adrl.errors import ConfigError
 
 POLL_S = 0.5
 CONNECT_S = 10.0
 LOCKS_FOLDER = "adrl-cores"
-
-
-def require_ray() -> None:
-    """Raises MissingExtra unless Ray is installed; does not import it."""
-    if importlib.util.find_spec("ray") is None:
-        raise MissingExtra.named("ray", "--ray")
 
 
 def run_on_ray(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int], None]) -> list[Job]:

@@ -16,6 +16,7 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from adrl import extras
 from adrl.errors import AdrlError, DatasetError, FileError
 from adrl.files import require_ordinary, sync
 from adrl.imitation.demonstrations import Demonstrations
@@ -82,14 +83,20 @@ class Source:
         return json.loads(json.dumps({"version": __version__} | fields, allow_nan=False))
 
 
+def require_minari() -> None:
+    """Raises MissingExtra where no dataset can be written or read; to be asked before anybody drives for one."""
+    extras.require("train", "a dataset of demonstrations")
+
+
 def save_minari(demonstrations: Demonstrations, path: PathLike, source: Source) -> None:
     """Write a Minari dataset into the new folder `path`, at once: it is there with all in it, or not at all.
 
     minari.MinariDataset(path / "data") opens it, and so does minari.load_dataset with MINARI_DATASETS_PATH
     set to the folder above when the name ends in a version such as "-v0". recover_environment() works for the
-    scenarios that go by a name. Raises DatasetError if path exists already or observations do not chain, and
-    OSError.
+    scenarios that go by a name. Raises DatasetError if path exists already or observations do not chain,
+    MissingExtra without Minari, and OSError.
     """
+    require_minari()
     target = Path(path).absolute()  # Minari joins a relative one to itself
     if target.exists() and not (target.is_dir() and not any(target.iterdir())):
         raise DatasetError(f"{path}: exists already; give another folder or delete it")
@@ -113,8 +120,10 @@ def load_minari(path: PathLike, expected: Source | None = None) -> Demonstration
     features (minari.DataCollector with record_infos=True stores them); where expert_action is missing, what
     was done counts as what the expert says. An episode that breaks off is marked truncated. expected: what
     the data must fit. What minari.combine_datasets or a recorder of Minari has made is compared by its env_spec; where
-    that is missing, or of another environment, only the spaces can be compared. Raises DatasetError.
+    that is missing, or of another environment, only the spaces can be compared. Raises DatasetError, and
+    MissingExtra without Minari.
     """
+    require_minari()
     folder = _data_folder(Path(path))
     try:
         metadata = _metadata(folder)

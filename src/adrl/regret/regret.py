@@ -1,6 +1,5 @@
 """The protocol of `adrl regret`: a comparison in each cell, and what they say together."""
 
-import importlib.util
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -12,7 +11,7 @@ from adrl.comparison.compare import claim, compare, require_same
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.jobs import Job, all_jobs, is_finished
 from adrl.comparison.results import outcomes
-from adrl.errors import CheckpointError, MissingExtra
+from adrl.errors import CheckpointError
 from adrl.registry import look_up
 from adrl.regret.cells import CELLS
 from adrl.regret.numbers import Array, Scores
@@ -29,12 +28,6 @@ ENOUGH_SEEDS = 10
 COLUMNS = ("success", "time_s", "shortest_m")
 """What is needed of an episode."""
 QUICK_STEPS, QUICK_EPISODES, QUICK_SEEDS = 4096, 20, 2
-
-
-def require_statsmodels() -> None:
-    """Raises MissingExtra unless it is installed; does not import it."""
-    if importlib.util.find_spec("statsmodels") is None:
-        raise MissingExtra.named("regret", "adrl regret")
 
 
 def preset(

@@ -7,7 +7,6 @@ from importlib import resources
 from pathlib import Path
 
 from adrl import files
-from adrl.errors import MissingExtra
 from adrl.report.document import document
 from adrl.report.source import Source
 
@@ -18,7 +17,7 @@ _SLOT = re.compile(r"<!-- slot: (\w+) -->")
 
 
 def write_report(source: Source, out: str | os.PathLike[str]) -> None:
-    """Write the page to out, at once. Raises MissingExtra without Plotly, CheckpointError on a bad log."""
+    """Write the page to out, at once. Raises CheckpointError on a bad log."""
     plotly = plotly_script()
     files.atomic_write_text(out, page(source, plotly))
 
@@ -37,11 +36,9 @@ def page(source: Source, plotly: str) -> str:
 
 
 def plotly_script() -> str:
-    """Plotly's program, as the Python package ships it. Raises MissingExtra."""
-    try:
-        from plotly.offline import get_plotlyjs
-    except ImportError:
-        raise MissingExtra.named("report", "adrl report") from None
+    """Plotly's program, as the Python package ships it."""
+    from plotly.offline import get_plotlyjs  # not at the top: it takes a while
+
     return get_plotlyjs()
 
 

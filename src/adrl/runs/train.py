@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-from adrl import files
+from adrl import extras, files
 from adrl.agents import budget, checkpoint
 from adrl.agents.interface import Progress, TrainResult
 from adrl.agents.methods import method_name
@@ -48,6 +48,7 @@ def train(
     holds is not touched unless resume is asked for, and one that comes to neither a policy nor a checkpoint leaves
     nothing.
     """
+    extras.require("train", "training")
     start_time_s = time.monotonic() if start_time_s is None else start_time_s
     budget.require_end(config.learner)
     run = Run.of(config)

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from adrl.envs.nav_sim import NavSim
 from adrl.envs.steps import Outcome
-from adrl.errors import ConfigError, MissingExtra
+from adrl.errors import ConfigError
+from adrl.imitation import require_minari
 from adrl.observation import EncoderConfig
 from adrl.types import RobotConfig, Scenario
 
@@ -21,10 +22,7 @@ class Recorder:
 
     def __init__(self, robot: RobotConfig, scenario: Scenario) -> None:
         """Raises MissingExtra without Minari: nobody drives for nothing."""
-        try:
-            import minari  # noqa: F401  # pyright: ignore[reportUnusedImport]
-        except ImportError:
-            raise MissingExtra("recording needs Minari; run: pip install minari[hdf5]") from None
+        require_minari()
         self.robot, self.scenario = robot, scenario
         self._steps: list[dict[str, Any]] = []
         self._under_way = False

@@ -16,21 +16,18 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from adrl.errors import ConfigError, MissingExtra
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import HTTPConnection
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from adrl.errors import ConfigError
 from adrl.report.html import SHARED, asset, plotly_script
 from adrl.view.messages import Message, decode
 from adrl.view.show import Show
-
-try:
-    import uvicorn
-    from starlette.applications import Starlette
-    from starlette.requests import HTTPConnection
-    from starlette.responses import PlainTextResponse, Response
-    from starlette.routing import Route, WebSocketRoute
-    from starlette.types import ASGIApp, Receive, Scope, Send
-    from starlette.websockets import WebSocket, WebSocketDisconnect
-except ImportError:
-    raise MissingExtra.named("view", "adrl view") from None
 
 HOST = "127.0.0.1"
 PORT = 8765
