@@ -129,8 +129,8 @@ format: $(DEV) ## format Python and C++
 	@$(BIN)/ruff format --quiet
 	@echo $(CXX_FILES) | xargs --no-run-if-empty $(BIN)/clang-format -i
 
-demo: $(CORE) ## train for a minute, evaluate on unseen worlds, draw pictures under runs/
-	@$(PY) -m adrl.demo
+demo: $(CORE) ## drive drawn robots, train for a minute, evaluate on unseen worlds, draw pictures under runs/
+	@$(BIN)/adrl demo
 
 wheel: $(TOOLS) ## source archive and wheel in dist/
 	@rm -rf dist

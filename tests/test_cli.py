@@ -33,6 +33,7 @@ from adrl.commands.bench import (
 from adrl.commands.calibrate import CalibrateOptions
 from adrl.commands.collect import CollectOptions
 from adrl.commands.compare import COMMON as COMPARE_COMMON
+from adrl.commands.demo import DemoOptions
 from adrl.commands.evaluate import EvaluateOptions
 from adrl.commands.export import ExportOptions
 from adrl.commands.gazebo import EvaluateOptions as GazeboEvaluateOptions
@@ -62,6 +63,7 @@ from adrl.worlds import FAMILIES, ROBOTS, SCENARIOS
 from small_run import TRAIN, finished_run, run_cli
 
 OPTIONS: dict[str, Any] = {
+    "demo": DemoOptions,
     "robot": RobotOptions,
     "view": ViewOptions,
     "train": RunConfig,

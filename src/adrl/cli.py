@@ -11,6 +11,7 @@ STARTED_S = time.monotonic()
 """When the program began: training's wall clock counts from here."""
 
 COMMANDS = {
+    "demo": "the main job in one go: drive, train for a minute, evaluate, draw",
     "robot": "write a robot file from Nav2 parameters, a URDF or a bag; draw a robot with its LiDAR",
     "train": "train a policy",
     "evaluate": "drive a policy on fixed tasks and report success, time and distance with intervals",

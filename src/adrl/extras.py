@@ -13,7 +13,12 @@ MODULES = {
 """Modules of the extras that are asked for before any work."""
 
 
+def installed(extra: str) -> bool:
+    """Whether the modules of the extra are there; imports none."""
+    return all(importlib.util.find_spec(name) is not None for name in MODULES[extra])
+
+
 def require(extra: str, what: str) -> None:
-    """Raises MissingExtra unless the modules of the extra are installed; imports none. what: what needs it."""
-    if any(importlib.util.find_spec(name) is None for name in MODULES[extra]):
+    """Raises MissingExtra unless the extra is installed. what: what needs it."""
+    if not installed(extra):
         raise MissingExtra.named(extra, what)

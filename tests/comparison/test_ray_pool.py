@@ -14,7 +14,6 @@ import pytest
 from adrl import processes
 from adrl.agents.config import Td3Config, TrainConfig
 from adrl.comparison.ray_pool import free_core
-from adrl.errors import MissingExtra
 from adrl.regret.regret import preset, regret, scores
 from small_run import run_cli
 

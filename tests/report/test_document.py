@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import Any

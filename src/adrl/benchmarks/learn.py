@@ -11,10 +11,9 @@ from typing import Any
 
 from adrl import extras, processes
 from adrl.agents.config import Td3Config
-from adrl.baselines import require_sb3
 from adrl.benchmarks.learn_worker import OBSERVATION_SIZE
 from adrl.benchmarks.timing import require_rounds
-from adrl.errors import AdrlError, ConfigError, MissingExtra
+from adrl.errors import AdrlError, ConfigError
 
 PEER = "sb3-td3"
 
@@ -33,7 +32,7 @@ def bench_learn(
     require_rounds(rounds, seconds)
     extras.require("train", "adrl bench learn")
     cores = processes.usable_cores()
-    kinds = ("adrl", "td3", PEER) if _sb3_is_there() else ("adrl", "td3")
+    kinds = ("adrl", "td3", PEER) if extras.installed("baselines") else ("adrl", "td3")
     with ExitStack() as stack:
 
         def start(what: str, width: int, core: int = cores[0]) -> _Worker:
@@ -169,11 +168,3 @@ def _rates(answers: Sequence[dict[str, float]]) -> dict[str, Any]:
 def _about_sb3() -> dict[str, str]:
     versions = {name: metadata.version(name) for name in ("stable-baselines3", "torch")}
     return {"name": PEER, "version": versions["stable-baselines3"], "torch": versions["torch"]}
-
-
-def _sb3_is_there() -> bool:
-    try:
-        require_sb3()
-    except MissingExtra:
-        return False
-    return True

@@ -14,7 +14,7 @@ from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import CONFIG_FILE, WEIGHTS_FILE
 from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.outputs import require_file
-from adrl.report.html import plotly_script, write_report
+from adrl.report.html import write_report
 from adrl.report.paper import paper_figures
 from adrl.report.source import (
     evaluation_folders,
@@ -56,7 +56,6 @@ def main(arguments: Sequence[str]) -> int:
     require_file("--out", out)
     if options.episodes < 1:
         raise ConfigError(f"episodes is {options.episodes}; give 1 or more")
-    plotly_script()  # is there: an evaluation would be wasted
     if (folder / WEIGHTS_FILE).exists():
         _evaluate_anew(folder, options.episodes)
     source = read_source(folder)
