@@ -17,7 +17,8 @@ class Only:
         return getattr(self.finder, name)
     def find_spec(self, name, path=None, target=None):
         top = name.partition(".")[0]
-        known = top in sys.stdlib_module_names or top in allowed or top.startswith("_adrl") or top == "adrl"
+        ours = top == "adrl" or top.startswith(("_adrl", "_sysconfigdata"))
+        known = ours or top in allowed or top in sys.stdlib_module_names
         return self.finder.find_spec(name, path, target) if known else None
 sys.meta_path[:] = map(Only, sys.meta_path)
 """

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+from adrl import extras
 from adrl.agents.methods import method_name
 from adrl.cli import STARTED_S
 from adrl.commands.options import load_places, tell_guidance
@@ -33,6 +34,7 @@ def main(arguments: Sequence[str]) -> int:
         "Train a policy. Distances in m, times in s, angles in rad.",
         COMMON,
     )
+    extras.require("train", "training")
     require_folder("--out", config.out)
     scenarios = load_places(config)
     if not config.resume:  # what the run folder says holds
