@@ -23,7 +23,7 @@ PAGES = [ROOT / "docs" / "quickstart.md", *sorted((ROOT / "docs" / "guide").glob
 HOW_TO = [ROOT / "docs" / "how-to" / f"{name}.md" for name in ("any-robot", "bags", "gazebo", "robot")]
 BLOCK = re.compile(r'^```(\w+)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
 SMALLER = {"max_seconds=60": "steps=2048", "episodes=500": "episodes=5"}
-"""What makes the README's example one of seconds."""
+"""What makes the example of the commands' page one of seconds."""
 WITH_GAZEBO = is_installed() or os.environ.get("CI") == "true"
 
 
@@ -93,10 +93,10 @@ def test_a_how_to_runs_with_a_trained_run(page: Path, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.integration
-def test_the_readme_s_example_runs_at_a_smaller_size(tmp_path: Path) -> None:
-    program = script((ROOT / "README.md").read_text(encoding="utf-8"), tmp_path)
+def test_the_commands_example_runs_at_a_smaller_size(tmp_path: Path) -> None:
+    program = script((ROOT / "docs" / "commands.md").read_text(encoding="utf-8"), tmp_path)
     for shown, run_here in SMALLER.items():
-        assert program.count(shown) == 1, f"README.md no longer says {shown}"
+        assert program.count(shown) == 1, f"docs/commands.md no longer says {shown}"
         program = program.replace(shown, run_here)
     success, low, high = map(float, run(program, tmp_path).split())
     assert low <= success <= high
