@@ -122,10 +122,10 @@ def explained(help_text: str) -> dict[str, str]:
     options: dict[str, str] = {}
     name = ""
     for line in help_text.splitlines():
-        content = line.strip("│| ")
-        if re.match(r"(-h, )?--[a-z]", content):
+        content = re.sub(r"^-[a-z]( \S+)?, ", "", line.strip("│| "))  # the short form, as -h
+        if re.match(r"--[a-z]", content):
             name = re.findall(r"--([\w.-]+)", content)[0]
-            options[name] = re.sub(r"^(-h, )?(--[\w.-]+(, )?)+", "", content)
+            options[name] = re.sub(r"^(--[\w.-]+(, )?)+", "", content)
         elif content and name:
             options[name] += " " + content
         else:

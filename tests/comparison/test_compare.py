@@ -97,7 +97,7 @@ class TestConfig:
             ({"methods": " , "}, ConfigError),
             ({"eval_guidance": "gaol"}, UnknownName),
             ({"guidance": "gaol", "eval_guidance": "map"}, UnknownName),
-            ({"guidance": "map,goal"}, UnknownName),
+            ({"guidance": "map,gaol"}, UnknownName),
             ({"seeds": 0}, ConfigError),
             ({"episodes": 0}, ConfigError),
             ({"workers": -1}, ConfigError),
