@@ -44,6 +44,14 @@ void check(const MppiConfig &mppi) {
     if (!(std::abs(mppi.noise_correlation) <= 1.0)) throw nb::value_error("mppi: noise_correlation is not in [-1, 1]");
 }
 
+void check(const OrcaConfig &orca) {
+    if (!(positive(orca.lookahead) && positive(orca.horizon_s) && positive(orca.wall_horizon_s) &&
+          positive(orca.turn_s)))
+        throw nb::value_error("orca: lookahead_m, horizon_s, wall_horizon_s or turn_s is not positive");
+    if (!(orca.space_m >= 0.0 && orca.share >= 0.0 && orca.share <= 1.0))
+        throw nb::value_error("orca: space_m is negative or share not in [0, 1]");
+}
+
 void check(const ControllerConfig &controller) {
     std::visit([](const auto &config) { check(config); }, controller);
 }
@@ -70,15 +78,17 @@ std::unique_ptr<BoundControl> make_control(int num_robots, int num_threads, cons
     if (kinds.empty()) throw nb::value_error("kinds: give one or more");
     std::vector<ControlSetup> setups;
     std::size_t size = 0;
+    bool told = false;
     for (const ControlKind &kind : kinds) {
         setups.push_back(make_setup(kind, foresee));
         size = std::max(size, static_cast<std::size_t>(control_memory(std::get<2>(kind))));
+        told = told || std::holds_alternative<OrcaConfig>(std::get<2>(kind));
     }
     const auto n = static_cast<std::size_t>(num_robots);
     const std::int64_t *kind = buffer<std::int64_t>(buffers, "kind", {n});
     double *memory = buffer<double>(buffers, "memory", {n, size});
     return std::unique_ptr<BoundControl>(
-        new BoundControl{LocalControl(num_robots, num_threads, std::move(setups), kind, memory), num_threads,
+        new BoundControl{LocalControl(num_robots, num_threads, std::move(setups), kind, memory), num_threads, told,
                          nb::steal<nb::object>(PyDict_Copy(buffers.ptr()))});
 }
 
@@ -128,6 +138,14 @@ void bind_control(nb::module_ &m) {
         .def_rw("goal_weight", &MppiConfig::goal_weight)
         .def_rw("goal_threshold_m", &MppiConfig::goal_threshold_m)
         .def_rw("prefer_forward_weight", &MppiConfig::prefer_forward_weight);
+    nb::class_<OrcaConfig>(m, "OrcaConfig")
+        .def(nb::init<>())
+        .def_rw("lookahead_m", &OrcaConfig::lookahead)
+        .def_rw("share", &OrcaConfig::share)
+        .def_rw("horizon_s", &OrcaConfig::horizon_s)
+        .def_rw("wall_horizon_s", &OrcaConfig::wall_horizon_s)
+        .def_rw("space_m", &OrcaConfig::space_m)
+        .def_rw("turn_s", &OrcaConfig::turn_s);
     m.attr("MPPI_MOST") = nb::make_tuple(kMaxMppiBatch, kMaxMppiSteps);
     m.def(
         "mppi_noise",

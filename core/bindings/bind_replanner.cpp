@@ -167,6 +167,8 @@ void drive_routes(BoundReplanner &self, BoundControl &control, const Flat8 &mask
     self.require_rows(out.shape(0), "out");
     self.require_rows(static_cast<std::size_t>(control.native.num_robots()), "control");
     if (control.num_threads < self.native.pool().size()) throw nb::value_error("control: of as many threads");
+    if (control.in_known_worlds_alone)
+        throw nb::value_error("control: orca is told velocities, and a robot's own map has none");
     const RouteCorners routes = corners_of(self, corners, counts);
     for (std::size_t i = 0; i < self.robots(); ++i) {
         if (mask.data()[i] && (routes.count[i] < 1 || routes.count[i] > kRouteCorners))

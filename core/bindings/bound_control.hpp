@@ -8,6 +8,7 @@
 struct BoundControl {
     adrl::LocalControl native;
     int num_threads;
+    bool in_known_worlds_alone; // one of the controllers does not drive on a map of the robot's own
     nb::object keep_alive;
 
     void require_kinds_known() const {

@@ -16,10 +16,12 @@ struct Situation {
     Pose pose;
     Twist twist; // as the base executes it
     const Path &path;
-    double along; // arc length of the path's point nearest to the robot
-    double stop;  // up to which it is followed: its end, for a car the next cusp
-    double gear;  // 1 to follow it forward, -1 backward, which only cars do
-    double dt_s;  // control period
+    double along;         // arc length of the path's point nearest to the robot
+    double stop;          // up to which it is followed: its end, for a car the next cusp
+    double gear;          // 1 to follow it forward, -1 backward, which only cars do
+    double dt_s;          // control period
+    const Moving *moving; // what moves in a known world; null on a map of the robot's own
+    double time_s;        // of this instant in that world
 };
 
 class LocalController {

@@ -25,6 +25,7 @@ std::unique_ptr<LocalController> make_controller(const ControllerConfig &config,
                                                  const DriveLimits &limits, double dt_s) {
     if (const auto *dwa = std::get_if<DwaConfig>(&config)) return make_dwa(*dwa);
     if (const auto *pursuit = std::get_if<PursuitConfig>(&config)) return make_pure_pursuit(*pursuit);
+    if (const auto *orca = std::get_if<OrcaConfig>(&config)) return make_orca(*orca);
     return make_mppi(std::get<MppiConfig>(config), footprint, limits, dt_s);
 }
 
@@ -53,7 +54,7 @@ Twist LocalControl::in_world(int i, const Moving &moving, const Path &path, doub
     const ControlSetup &setup = setups_[kind_[i]];
     const double reach = scratch.controllers[kind_[i]]->reach(setup.footprint, limits, setup.dt_s);
     scratch.obstacles.gather(moving, pose, reach, time_s, setup.foresee);
-    return decide(i, scratch, limits, pose, twist, path, along);
+    return decide(i, scratch, limits, pose, twist, path, along, &moving, time_s);
 }
 
 void LocalControl::on_maps(Replanner &maps, const std::uint8_t *mask, const double *pose, const double *twist,
@@ -70,7 +71,7 @@ void LocalControl::on_maps(Replanner &maps, const std::uint8_t *mask, const doub
             scratch.path.assign(routes.of(i));
             along[i] = come_along(scratch.path, {at.x, at.y}, along[i], kRouteWindow, setup.limits.is_car());
             const Twist now{twist[2 * i], twist[2 * i + 1]};
-            const Twist command = decide(i, scratch, setup.limits, at, now, scratch.path, along[i]);
+            const Twist command = decide(i, scratch, setup.limits, at, now, scratch.path, along[i], nullptr, 0.0);
             out[2 * i] = command.v;
             out[2 * i + 1] = command.w;
         }
@@ -78,12 +79,13 @@ void LocalControl::on_maps(Replanner &maps, const std::uint8_t *mask, const doub
 }
 
 Twist LocalControl::decide(int i, Scratch &scratch, const DriveLimits &limits, const Pose &pose, const Twist &twist,
-                           const Path &path, double along) {
+                           const Path &path, double along, const Moving *moving, double time_s) {
     const ControlSetup &setup = setups_[kind_[i]];
     const bool car = limits.is_car();
     const double stop = led_to(path, along, car);
     const double gear = car && limits.min_speed < 0.0 ? gear_on(path, along, stop, pose) : 1.0;
-    const Situation now{scratch.obstacles, setup.footprint, limits, pose, twist, path, along, stop, gear, setup.dt_s};
+    const Situation now{scratch.obstacles, setup.footprint, limits, pose, twist, path, along, stop, gear,
+                        setup.dt_s,        moving,          time_s};
     double *memory = memory_ + static_cast<std::ptrdiff_t>(i) * memory_size_;
     const Twist chosen = scratch.controllers[kind_[i]]->command(now, memory + kRecoveryMemory);
     return clip_command(recover(now, chosen, memory), limits);

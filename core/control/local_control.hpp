@@ -10,13 +10,14 @@
 #include "control/controller.hpp"
 #include "control/dwa.hpp"
 #include "control/mppi.hpp"
+#include "control/orca_control.hpp"
 #include "control/pure_pursuit.hpp"
 #include "planning/replanner.hpp"
 #include "stock.hpp"
 
 namespace adrl {
 
-using ControllerConfig = std::variant<DwaConfig, PursuitConfig, MppiConfig>;
+using ControllerConfig = std::variant<DwaConfig, PursuitConfig, MppiConfig, OrcaConfig>;
 
 std::unique_ptr<LocalController> make_controller(const ControllerConfig &config, const Footprint &footprint,
                                                  const DriveLimits &limits, double dt_s);
@@ -59,7 +60,7 @@ class LocalControl {
     };
 
     Twist decide(int i, Scratch &scratch, const DriveLimits &limits, const Pose &pose, const Twist &twist,
-                 const Path &path, double along);
+                 const Path &path, double along, const Moving *moving, double time_s);
 
     int num_robots_;
     std::vector<ControlSetup> setups_;

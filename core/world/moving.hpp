@@ -1,6 +1,7 @@
 // Where all that moves about a robot is: the world's discs, and people as they walk now.
 #pragma once
 
+#include "world/orca.hpp"
 #include "world/world.hpp"
 
 namespace adrl {
@@ -34,6 +35,16 @@ class Moving {
     // What a LiDAR sees: of people with legs the legs.
     DiscPlaces seen_at(double time_s) const;
     double max_speed() const;
+    // Each with its velocity, told add(mover).
+    template <class Add>
+    void each(double time_s, const Add &add) const {
+        for (const MovingDisc &disc : world_->discs()) add(Mover{disc.at(time_s), disc.velocity(time_s), disc.radius});
+        for (int k = 0; crowd_ != nullptr && k < crowd_->count(); ++k) {
+            const Vec2 velocity{people_[k].vx, people_[k].vy};
+            add(Mover{Vec2{people_[k].x, people_[k].y} + (time_s - now_s_) * velocity, velocity,
+                      crowd_->walkers[k].radius});
+        }
+    }
 
   private:
     template <class Add>

@@ -13,8 +13,6 @@ constexpr double kPassed = 1.5;   // or passed within so much
 constexpr double kPatience = 4.0; // seconds after which one who is held up turns round
 constexpr double kHeldUp = 0.2;   // of the preferred speed, or slower
 constexpr double kTurning = 0.05; // m/s at which a person's feet turn to where it goes
-constexpr double kBrush = 0.02;   // metres by which a person may brush a wall
-constexpr int kMostWalls = 32;
 
 Vec2 place(const Person &person) { return {person.x, person.y}; }
 Vec2 velocity(const Person &person) { return {person.vx, person.vy}; }
@@ -22,31 +20,6 @@ Vec2 velocity(const Person &person) { return {person.vx, person.vy}; }
 Vec2 way_point(const Crowd &crowd, const Walker &walker, double index) {
     return crowd.way_points[walker.first + static_cast<int>(index)];
 }
-
-// The nearest of what is offered, nearest first.
-template <class T, int kMost>
-struct Nearest {
-    T item[kMost];
-    double distance[kMost];
-    int count = 0;
-    void offer(const T &offered, double far) {
-        if (count == kMost && far >= distance[kMost - 1]) return;
-        int i = count < kMost ? count++ : kMost - 1;
-        for (; i > 0 && distance[i - 1] > far; --i) {
-            item[i] = item[i - 1];
-            distance[i] = distance[i - 1];
-        }
-        item[i] = offered;
-        distance[i] = far;
-    }
-};
-
-struct Neighbour {
-    Mover mover;
-    double share; // of the avoiding that the person does
-};
-using Neighbours = Nearest<Neighbour, kMostNeighbours>;
-using NearWalls = Nearest<int, kMostWalls>; // edges, and circles as ~index
 
 Vec2 preferred(const Crowd &crowd, int k, const Person *people) {
     const Walker &walker = crowd.walkers[k];
@@ -74,95 +47,30 @@ Vec2 preferred(const Crowd &crowd, int k, const Person *people) {
 // itself.
 Neighbours neighbours(const World &world, const Crowd &crowd, const Mover &robot, double time_s, int k,
                       const Person *people) {
-    constexpr double kMoment = 0.1; // seconds over which a disc's velocity is taken
     const Walker &self = crowd.walkers[k];
-    const Vec2 here = place(people[k]);
-    Neighbours out;
-    const auto offer = [&](const Mover &mover, double share) {
-        const double far = norm(mover.at - here) - mover.radius - self.radius;
-        if (far < kSight) out.offer({mover, share}, far);
-    };
+    Neighbours out(place(people[k]), self.radius);
     for (int j = 0; j < crowd.count(); ++j) {
         const Walker &other = crowd.walkers[j];
         if (j != k)
-            offer({place(people[j]), velocity(people[j]), other.radius + kSpace},
-                  other.speed > 0.0 && !other.blind ? 0.5 : 1.0);
+            out.offer({place(people[j]), velocity(people[j]), other.radius + kSpace},
+                      other.speed > 0.0 && !other.blind ? 0.5 : 1.0);
     }
-    for (const MovingDisc &disc : world.discs()) {
-        const Vec2 at = disc.at(time_s);
-        offer({at, (1.0 / kMoment) * (disc.at(time_s + kMoment) - at), disc.radius}, 1.0);
-    }
-    if (self.share > 0.0) offer({robot.at, robot.velocity, robot.radius + kRobotSpace}, self.share);
+    for (const MovingDisc &disc : world.discs()) out.offer({disc.at(time_s), disc.velocity(time_s), disc.radius}, 1.0);
+    if (self.share > 0.0) out.offer({robot.at, robot.velocity, robot.radius + kRobotSpace}, self.share);
     return out;
-}
-
-NearWalls near_walls(const World &world, const Mover &self) {
-    NearWalls out;
-    const double reach = Walls::kReach;
-    const Walls &walls = world.laid_walls();
-    for (const int i : walls.near(self.at)) {
-        const Vec2 a = walls[i].a - self.at, b = walls[i].b - self.at;
-        if (cross(a, b) >= 0.0) continue; // seen from behind
-        const double far = origin_to_segment(a, b);
-        if (far < reach) out.offer(i, far);
-    }
-    const Circles &circles = world.circles();
-    for (int i = 0; i < circles.count; ++i) {
-        const double far = norm(Vec2{circles.x[i], circles.y[i]} - self.at) - circles.radius[i];
-        if (far < reach) out.offer(~i, far);
-    }
-    return out;
-}
-
-Mover circle(const World &world, int wall) {
-    const Circles &circles = world.circles();
-    return {{circles.x[~wall], circles.y[~wall]}, {}, circles.radius[~wall]};
-}
-
-// Whether a step of this length would come nearer to a wall than the body allows, and nearer than it is.
-bool brushes(const World &world, const NearWalls &near, const Mover &self, Vec2 step) {
-    for (int i = 0; i < near.count; ++i) {
-        const int wall = near.item[i];
-        double far = 0.0;
-        if (wall >= 0) {
-            const WallEdge &edge = world.laid_walls()[wall];
-            far = segment_to_segment(self.at, self.at + step, edge.a, edge.b);
-        } else {
-            const Mover other = circle(world, wall);
-            far = origin_to_segment(self.at - other.at, self.at + step - other.at) - other.radius;
-        }
-        if (far < self.radius - kSpace - kBrush && far < near.distance[i] - 1e-9) return true;
-    }
-    return false;
 }
 
 Vec2 decided(const World &world, const Crowd &crowd, const Mover &robot, double time_s, double hold_s, int k,
              const Person *people) {
     const Walker &walker = crowd.walkers[k];
-    const Mover self{place(people[k]), velocity(people[k]), walker.radius + kSpace};
-    HalfPlane planes[kMostHalfPlanes];
-    int hard = 0;
-    const NearWalls walls = near_walls(world, self);
-    for (int i = 0; i < walls.count; ++i) {
-        const int wall = walls.item[i];
-        if (wall < 0) {
-            planes[hard++] = avoid_mover(self, circle(world, wall), 1.0, kWallHorizon, hold_s);
-        } else if (avoid_wall(self, world.laid_walls(), wall, kWallHorizon, {planes, static_cast<std::size_t>(hard)},
-                              planes[hard])) {
-            ++hard;
-        }
-    }
-    int count = hard;
-    const Neighbours others = neighbours(world, crowd, robot, time_s, k, people);
-    for (int i = 0; i < others.count; ++i) {
-        planes[count++] = avoid_mover(self, others.item[i].mover, others.item[i].share, kPeopleHorizon, hold_s);
-    }
-    const Vec2 chosen = nearest_allowed({planes, static_cast<std::size_t>(count)}, hard, kHurry * walker.speed,
-                                        preferred(crowd, k, people));
-    // Where walls leave no velocity at all, the least bad one may lead into them.
-    const bool outside =
-        std::any_of(planes, planes + hard, [&](const HalfPlane &p) { return p.excess(chosen) > 1e-6; });
-    return outside && brushes(world, walls, self, hold_s * chosen) ? Vec2{} : chosen;
+    const Avoiding who{{place(people[k]), velocity(people[k]), walker.radius + kSpace},
+                       walker.radius,
+                       preferred(crowd, k, people),
+                       kHurry * walker.speed,
+                       kPeopleHorizon,
+                       kWallHorizon,
+                       hold_s};
+    return velocity_among(world, who, neighbours(world, crowd, robot, time_s, k, people));
 }
 
 // Whether a way point is reached, or left behind.

@@ -1,18 +1,15 @@
 // People who walk to and fro along routes: they keep off walls, each other, moving discs and, by their share, the robot
-// (orca.hpp). Whoever stands lets others go round; the blind avoid nothing. Between two decisions velocities stay.
+// (avoidance.hpp). Whoever stands lets others go round; the blind avoid nothing. Between two decisions velocities stay.
 #pragma once
 
 #include <cstdint>
 
-#include "world/orca.hpp"
-#include "world/world.hpp"
+#include "world/avoidance.hpp"
 
 namespace adrl {
 
 inline constexpr double kPeopleHorizon = 3.0; // seconds for which they avoid each other,
 inline constexpr double kWallHorizon = 1.0;   // and walls
-inline constexpr double kSight = 5.0;         // metres to the middle of what they avoid
-inline constexpr int kMostNeighbours = 10;    // the nearest
 inline constexpr double kSpace = 0.05;        // metres that they leave about themselves,
 inline constexpr double kRobotSpace = 0.15;   // and about a robot, which may turn
 inline constexpr double kHurry = 1.25;        // greatest over preferred speed

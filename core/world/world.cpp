@@ -80,6 +80,11 @@ Vec2 MovingDisc::at(double time_s) const {
     return from + u * (to - from);
 }
 
+Vec2 MovingDisc::velocity(double time_s) const {
+    constexpr double kMoment = 0.1; // seconds
+    return (1.0 / kMoment) * (at(time_s + kMoment) - at(time_s));
+}
+
 Vec2 Bitmap::to_cells(Vec2 p) const {
     const double dx = p.x - origin.x;
     const double dy = p.y - origin.y;
@@ -148,8 +153,8 @@ World::World(std::span<const double> circles, std::span<const double> corners, s
     }
 }
 
-void World::lay_walls() {
-    if (laid_walls_.count() == 0) laid_walls_ = Walls(wall_edges(edges_, polygon_begin_, walls_, bitmap_));
+void World::lay_walls() const {
+    std::call_once(laid_, [&] { laid_walls_ = Walls(wall_edges(edges_, polygon_begin_, walls_, bitmap_)); });
 }
 
 } // namespace adrl

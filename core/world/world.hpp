@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <mutex>
 #include <span>
 #include <vector>
 
@@ -41,6 +42,7 @@ struct MovingDisc {
     double phase = 0.0;  // part of the round trip done at time 0, in [0, 1)
     double stop_s = 0.0; // stands still from then on
     Vec2 at(double time_s) const;
+    Vec2 velocity(double time_s) const; // mean over the next moment
 };
 
 // Solid cells with the tables that make rays and distances quick.
@@ -77,8 +79,8 @@ class World {
     const std::vector<MovingDisc> &discs() const { return discs_; }
     const Bitmap &bitmap() const { return bitmap_; }
     double max_disc_speed() const { return max_disc_speed_; }
-    // The same geometry for people, who walk there only after lay_walls().
-    void lay_walls();
+    // The same geometry for who avoids walls by ORCA, only after lay_walls(). Once laid, laying them does nothing.
+    void lay_walls() const;
     const Walls &laid_walls() const { return laid_walls_; }
 
   private:
@@ -90,7 +92,8 @@ class World {
     std::vector<MovingDisc> discs_;
     Bitmap bitmap_;
     double max_disc_speed_ = 0.0;
-    Walls laid_walls_;
+    mutable std::once_flag laid_;
+    mutable Walls laid_walls_;
 };
 
 // Whether a point is inside one of the world's polygons, or on its border.

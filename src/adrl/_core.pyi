@@ -192,10 +192,21 @@ class MppiConfig:
 MPPI_MOST: tuple[int, int]
 """Greatest batch_size and time_steps."""
 
+class OrcaConfig:
+    """Optimal reciprocal collision avoidance of a robot that is told all velocities; see orca_control.hpp for the
+    meaning of its constants."""
+
+    lookahead_m: float
+    share: float
+    horizon_s: float
+    wall_horizon_s: float
+    space_m: float
+    turn_s: float
+
 def mppi_noise(config: MppiConfig) -> F32:
     """(time_steps, 2, batch_size) noise of its samples, in units of its standard deviations."""
 
-ControllerConfig = DwaConfig | PursuitConfig | MppiConfig
+ControllerConfig = DwaConfig | PursuitConfig | MppiConfig | OrcaConfig
 
 def control_memory(controller: ControllerConfig) -> int:
     """M: numbers that such a controller remembers of a robot."""
@@ -273,9 +284,11 @@ class Braking:
         self, pose: tuple[float, float, float], twist: tuple[float, float], orders: F64
     ) -> tuple[tuple[float, float, float], tuple[float, float]]:
         """Pose and twist after the orders."""
-    def stays_clear(self, twist: tuple[float, float], orders: F64, hits: F64) -> bool:
+    def stays_clear(self, twist: tuple[float, float], orders: F64, hits: F64, moving: F64) -> bool:
         """Whether the robot, at the origin, executes the orders and then brakes without coming nearer to a hit (x, y,
-        margin), rows of (M, 3), than its margin, or than it is where that is less. Hits inside it are passed over."""
+        margin), rows of (M, 3), than its margin, or than it is where that is less. Hits inside it are passed over.
+        Nor may it come nearer by its own motion to what moves, rows of (K, 6): a hit, its velocity, and the seconds
+        since it was there."""
 
 Fan = tuple[float, float, float]
 """First angle (rad), angle from beam to beam (rad), greatest range (m)."""

@@ -6,6 +6,7 @@ from typing import Any
 from adrl.baselines.astar_dwa import AStarDwaPolicy, AStarDwaStaticPolicy
 from adrl.baselines.astar_mppi import AStarMppiPolicy, AStarMppiStaticPolicy
 from adrl.baselines.astar_pursuit import AStarPursuitPolicy, AStarPursuitStaticPolicy
+from adrl.baselines.orca import OrcaPolicy
 
 PLANNER = "astar-dwa"
 """The reference of comparisons."""
@@ -18,6 +19,7 @@ PLANNERS: dict[str, Callable[[], Any]] = {
         AStarMppiStaticPolicy,
         AStarPursuitPolicy,
         AStarPursuitStaticPolicy,
+        OrcaPolicy,
     )
 }
 """name -> what makes it: a policy as adrl.types.Policy has it, or one with act_in(simulator), which knows the world."""

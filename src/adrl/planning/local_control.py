@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl import _core
+from adrl.errors import ConfigError
 from adrl.types import RobotConfig
 
 
@@ -32,6 +33,15 @@ def pursuit_config(robot: RobotConfig) -> "_core.PursuitConfig":
 def mppi_config(robot: RobotConfig) -> "_core.MppiConfig":
     """Model predictive path integral control, whose constants are shares of the robot's limits."""
     return _core.MppiConfig()
+
+
+def orca_config(robot: RobotConfig) -> "_core.OrcaConfig":
+    """Optimal reciprocal collision avoidance for this robot. Raises ConfigError for a car."""
+    if robot.is_car:
+        raise ConfigError(f"robot {robot.name!r} is a car: orca drives robots that turn on the spot")
+    config = _core.OrcaConfig()
+    config.lookahead_m = local_lookahead_m(robot)
+    return config
 
 
 DWA = "dwa"
