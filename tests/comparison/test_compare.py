@@ -27,6 +27,7 @@ from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import load_policy, resolve_policy
 from adrl.errors import AdrlError, ConfigError, UnknownName
 from adrl.evaluation.metrics import SAMPLES, Episodes
+from adrl.evaluation.results import read_episodes
 from adrl.evaluation.statistics import probability_of_improvement, seed_iqm, seed_mean
 from adrl.export.onnx_graph import to_onnx
 from adrl.runs import train
@@ -178,6 +179,24 @@ class TestRows:
         unknown = method_rows(fake_runs("td3", [0.1, 0.2], [np.nan, np.nan]))
         assert " >budget " in markdown(never, "title")
         assert ">budget" not in markdown(unknown, "title")
+
+    def test_among_people_a_method_is_told_by_what_they_had_of_it(self, tmp_path: Path) -> None:
+        config = CompareConfig(
+            methods="td3", policies="orca", scenario="crowd", episodes=3, out=tmp_path / "out", learner=BUDGET
+        )
+        jobs = all_jobs(config)[:2]
+        for job in jobs:
+            run_job(config, job, 0.0)
+        rows = method_rows(read_runs([config.out / job.name for job in jobs]))
+        for row, job in zip(rows, jobs, strict=True):
+            episodes = read_episodes(config.out / job.name / "episodes.parquet")
+            assert row["at_fault"] == np.mean(np.asarray(episodes.at_fault))
+            assert row["near_person_s"] == pytest.approx(np.mean(np.asarray(episodes.near_person_s)))
+            assert row["lost_s"] == pytest.approx(np.mean(np.asarray(episodes.lost_s)[episodes.success]))
+        assert "| at fault % |" in markdown(rows, "title")
+        alone = method_rows(fake_runs("td3", [0.1, 0.2], [np.inf, np.inf]))
+        assert "at_fault" not in alone[0]
+        assert "at fault" not in markdown(alone, "title")
 
 
 def start(*arguments: object) -> subprocess.Popen[str]:

@@ -1,7 +1,7 @@
 """From the result of each training to one row a method. The training seed is the unit of every interval."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict
@@ -14,7 +14,7 @@ from adrl.baselines.planners import PLANNERS
 from adrl.comparison.jobs import EPISODES_FILE, RESULT_FILE
 from adrl.errors import CheckpointError, FileError
 from adrl.evaluation.learning_time import median_seconds_to_level, seconds_to_level
-from adrl.evaluation.metrics import COMMON, means_on_common_tasks
+from adrl.evaluation.metrics import COMMON, SOCIAL, means_on_common_tasks
 from adrl.evaluation.results import plain_table, read_table
 from adrl.evaluation.statistics import Interval, entry, probability_of_improvement, seed_iqm, seed_mean
 from adrl.json_files import checked, read_json
@@ -87,10 +87,16 @@ class _Result(TypedDict):
 def _require_summary(summary: dict[str, Any]) -> None:
     """It has a guidance, and all metrics as numbers, or None where undefined. Raises FileError."""
     checked(summary, _Guidance)
-    names = [*(name + end for name in MEANS for end in ("", "_low", "_high")), *TRAINING]
+    metrics = measured([summary])
+    names = [*(name + end for name in metrics for end in ("", "_low", "_high")), *TRAINING]
     if lacking := [name for name in names if name not in summary]:
         raise FileError(f"lacks {lacking[0]} of an evaluation")
     checked({name: summary[name] for name in names}, dict[str, float | None])
+
+
+def measured(summaries: Iterable[Mapping[str, Any]]) -> tuple[str, ...]:
+    """MEANS, and where people walked in all of these evaluations SOCIAL."""
+    return (*MEANS, *SOCIAL) if all("at_fault" in summary for summary in summaries) else MEANS
 
 
 def outcomes(folder: Path) -> dict[str, dict[str, Any]]:
@@ -114,29 +120,30 @@ def _seconds_to_90(path: Path) -> float:
 def method_rows(runs: Sequence[Evaluated]) -> list[Row]:
     """One row for each method and guidance, in the order of the runs, the planner's last.
 
-    Rates, means over seeds with a stratified bootstrap interval `_low`, `_high`; `success_iqm`, `success_worst`;
-    `seconds_to_90` the median over seeds, None where it is infinite or nothing was evaluated in training, and how many
-    seeds got there; `improvement`: the probability that a seed of ours beats one of this method; the keys of
-    means_on_common_tasks, with the planner as the reference; of a family `worst_decile` too. The planner has no seeds:
-    its intervals are over episodes.
+    Rates and other metrics of `measured`, means over seeds with a stratified bootstrap interval `_low`, `_high`;
+    `success_iqm`, `success_worst`; `seconds_to_90` the median over seeds, None where it is infinite or nothing was
+    evaluated in training, and how many seeds got there; `improvement`: the probability that a seed of ours beats
+    one of this method; the keys of means_on_common_tasks, with the planner as the reference; of a family
+    `worst_decile` too. The planner has no seeds: its intervals are over episodes.
     """
     groups: dict[tuple[str, str], list[Evaluated]] = {}
     for run in runs:
         groups.setdefault((run.method, run.summary["guidance"]), []).append(run)
+    metrics = measured(run.summary for run in runs)
     rows = []
     for (method, guidance), group in groups.items():
         if group[0].seed is None:
-            rows.append(_reference_row(group[0]))
+            rows.append(_reference_row(group[0], metrics))
             continue
         rival = groups.get((OURS, guidance)) if method != OURS else None
-        rows.append(_method_row(group, rival))
+        rows.append(_method_row(group, rival, metrics))
     return sorted(rows, key=lambda row: row["seeds"] is None)
 
 
-def _method_row(group: list[Evaluated], ours: list[Evaluated] | None) -> Row:
+def _method_row(group: list[Evaluated], ours: list[Evaluated] | None, metrics: Sequence[str]) -> Row:
     row: Row = {"method": group[0].method, "guidance": group[0].summary["guidance"], "seeds": len(group)}
     success = _column(group, "success")
-    for name in MEANS:
+    for name in metrics:
         row |= entry(name, seed_mean(_column(group, name)))
     row |= entry("success_iqm", seed_iqm(success)) | {"success_worst": min(success)}
     if deciles := _column(group, DECILE):
@@ -158,10 +165,10 @@ def _method_row(group: list[Evaluated], ours: list[Evaluated] | None) -> Row:
     return row
 
 
-def _reference_row(run: Evaluated) -> Row:
+def _reference_row(run: Evaluated, metrics: Sequence[str]) -> Row:
     summary = run.summary
     row: Row = {"method": run.method, "guidance": summary["guidance"], "seeds": None}
-    told = (*MEANS, *([DECILE] if DECILE in summary else []))
+    told = (*metrics, *([DECILE] if DECILE in summary else []))
     row |= {name + end: summary[name + end] for name in told for end in ("", "_low", "_high")}
     nothing = ("seconds_to_90", "seeds_to_90", "success_worst", *TRAINING, *COMMON)
     row["warnings"] = summary.get("warnings", [])
@@ -199,23 +206,45 @@ _COLUMNS = (
     _Column("90 % s", "seconds_to_90", 1),
     _Column("adrl better %", "improvement", 0, 100.0, True),
 )
-CAPTION = (
+_SOCIAL_COLUMNS = (
+    _Column("at fault %", "at_fault", 1, 100.0),
+    _Column("lost s", "lost_s", 1),
+    _Column("frozen s", "frozen_s", 1),
+    _Column("near s", "near_person_s", 1),
+    _Column("nearest m", "person_distance_m", 2),
+)
+"""Where people walked, instead of these of the others:"""
+_LEFT_OUT = ("success_iqm", "timeout", "distance_m", "optimality", "spl")
+_ABOUT = (
     "success: mean over training seeds with its 95 % interval (over episodes for a planner); 90 %: wall clock of "
     "training until two validations in a row reach 90 %, median over seeds; adrl better: chance that a seed of adrl "
-    "beats one of the method; Av.D, Av.T and opt. (path / shortest path) over each method's own successes, x: as a "
-    "share of the planner's, over the tasks that both reached"
+    "beats one of the method; "
+)
+_ABOUT_PATHS = (
+    "Av.D, Av.T and opt. (path / shortest path) over each method's own successes, x: as a share of the planner's, over "
+    "the tasks that both reached"
+)
+_ABOUT_PEOPLE = (
+    "at fault: collisions by moving into something; Av.T and lost, to the clear path at full speed, over each method's "
+    "own successes, x: as a share of the planner's, over the tasks that both reached; near: within 0.5 m of a person"
 )
 
 
 def _columns(rows: Sequence[Row]) -> list[_Column]:
     """Those of the table."""
     of_family = any(DECILE in row for row in rows)
-    return [column for column in _COLUMNS if of_family or column.metric != DECILE]
+    columns = [column for column in _COLUMNS if of_family or column.metric != DECILE]
+    if not any("at_fault" in row for row in rows):
+        return columns
+    columns = [column for column in columns if column.metric not in _LEFT_OUT]
+    behind = [column.metric for column in columns].index("collision") + 1
+    return [*columns[:behind], *_SOCIAL_COLUMNS, *columns[behind:]]
 
 
 def _caption(columns: Sequence[_Column]) -> str:
-    of_family = any(column.metric == DECILE for column in columns)
-    return CAPTION + ("; decile: success that nine of ten robots reach at least" if of_family else "")
+    metrics = {column.metric for column in columns}
+    text = _ABOUT + (_ABOUT_PEOPLE if "at_fault" in metrics else _ABOUT_PATHS)
+    return text + ("; decile: success that nine of ten robots reach at least" if DECILE in metrics else "")
 
 
 def _cell(row: Row, column: _Column) -> tuple[str, str]:

@@ -197,6 +197,9 @@ SOCIAL_SAMPLES: dict[str, Callable[[Episodes], Array]] = {
 }
 """The same among people."""
 
+SOCIAL = ("at_fault", *SOCIAL_SAMPLES)
+"""What a summary tells beside the other metrics where people walked."""
+
 RATES = ("success", "collision", "timeout")
 """Endings: metrics that are fractions of the episodes."""
 

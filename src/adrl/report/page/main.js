@@ -8,7 +8,7 @@ function buildHeader() {
 }
 
 const TILES = [
-  ['success', 'Success', 1, 100, ' %'], ['collision', 'Collision', 1, 100, ' %'], ['timeout', 'Timeout', 1, 100, ' %'],
+  ['success', 'Success', 1, 100, ' %'], ['collision', 'Collision', 1, 100, ' %'], ['at_fault', 'At fault', 1, 100, ' %'], ['timeout', 'Timeout', 1, 100, ' %'],
   ['spl', 'SPL', 2, 1, ''], ['optimality', 'Path / shortest', 2, 1, ''], ['time_s', 'Time to goal', 1, 1, ' s'], ['seconds_to_90', 'Training to 90 %', 1, 1, ' s'],
 ];
 
@@ -40,13 +40,13 @@ function buildResults() {
     columns.push(metric('seconds_to_90', 'To 90 %, s', 1, 1, 'wall clock of training, median over seeds'), metric('improvement', 'adrl better, %', 0, 100, 'chance that a seed of adrl beats one of the method'));
   } else {
     columns.push(metric('least_clearance_m', 'Clearance, m', 2), metric('smoothness', 'Yaw accel., rad/s²', 2));
-    if (DATA.rows.some((row) => 'at_fault' in row)) {
-      columns.splice(3, 0, metric('at_fault', 'At fault, %', 1, 100, 'collisions in which the robot moved into something'));
-      columns.push(
-        metric('person_distance_m', 'Nearest person, m', 2), metric('near_person_s', 'Within 0.5 m, s', 1),
-        metric('frozen_s', 'Frozen, s', 1), metric('lost_s', 'Lost, s', 1, 1, 'to the clear path at full speed, over successes'),
-      );
-    }
+  }
+  if (DATA.rows.some((row) => 'at_fault' in row)) {
+    columns.splice(columns.findIndex(({ key }) => key === 'collision') + 1, 0, metric('at_fault', 'At fault, %', 1, 100, 'collisions in which the robot moved into something'));
+    columns.push(
+      metric('person_distance_m', 'Nearest person, m', 2), metric('near_person_s', 'Within 0.5 m, s', 1),
+      metric('frozen_s', 'Frozen, s', 1), metric('lost_s', 'Lost, s', 1, 1, 'to the clear path at full speed, over successes'),
+    );
   }
   const table = sortable('Results', columns);
   table.element.id = 'results-table';
