@@ -45,14 +45,20 @@ std::tuple<Triple, Pair> roll(const Braking &self, Triple pose, Pair twist, cons
     return {{end.pose.x, end.pose.y, end.pose.theta}, {end.twist.v, end.twist.w}};
 }
 
-bool stays_clear(const Braking &self, Pair twist, const In<double, Rows3> &orders, const In<double, Rows3> &hits) {
+bool stays_clear(const Braking &self, Pair twist, const In<double, Rows3> &orders, const In<double, Rows3> &hits,
+                 const In<double, nb::shape<-1, 6>> &moving) {
     const auto [v, w] = twist;
     require_finite({v, w}, "twist");
     require_all_finite(hits, "hits");
+    require_all_finite(moving, "moving");
     std::vector<Hit> near;
     near.reserve(hits.shape(0));
     for (std::size_t i = 0; i < hits.shape(0); ++i) near.push_back({{hits(i, 0), hits(i, 1)}, hits(i, 2)});
-    return self.stays_clear({v, w}, orders_of(orders), near);
+    std::vector<MovingHit> movers;
+    movers.reserve(moving.shape(0));
+    for (std::size_t i = 0; i < moving.shape(0); ++i)
+        movers.push_back({{{moving(i, 0), moving(i, 1)}, moving(i, 2)}, {moving(i, 3), moving(i, 4)}, moving(i, 5)});
+    return self.stays_clear({v, w}, orders_of(orders), near, movers);
 }
 
 } // namespace
@@ -62,5 +68,6 @@ void bind_braking(nb::module_ &m) {
         .def(nb::new_(&make_braking), nb::arg("radius_m"), nb::arg("footprint").noconvert(), nb::arg("response"),
              nb::arg("dt_s"), nb::arg("min_turning_radius_m") = 0.0)
         .def("roll", &roll, nb::arg("pose"), nb::arg("twist"), nb::arg("orders").noconvert())
-        .def("stays_clear", &stays_clear, nb::arg("twist"), nb::arg("orders").noconvert(), nb::arg("hits").noconvert());
+        .def("stays_clear", &stays_clear, nb::arg("twist"), nb::arg("orders").noconvert(), nb::arg("hits").noconvert(),
+             nb::arg("moving").noconvert());
 }

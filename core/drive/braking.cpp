@@ -9,6 +9,7 @@ namespace {
 constexpr double kSpacing = 0.01;   // metres that any point of the robot moves between two poses that are looked at
 constexpr double kTolerance = 1e-6; // metres
 constexpr double kAtRest = 1e-3;    // m/s and rad/s: a lagging base never quite stops
+constexpr double kApproach = 0.05;  // m/s at which the robot itself comes nearer, and more
 constexpr int kMaxPeriods = 1000;
 
 bool at_rest(Twist twist) { return std::abs(twist.v) < kAtRest && std::abs(twist.w) < kAtRest; }
@@ -56,7 +57,8 @@ double Braking::reach(Twist twist, std::span<const Order> orders) const {
     return way;
 }
 
-bool Braking::stays_clear(Twist twist, std::span<const Order> orders, std::span<Hit> hits) const {
+bool Braking::stays_clear(Twist twist, std::span<const Order> orders, std::span<Hit> hits,
+                          std::span<const MovingHit> moving) const {
     const double way = reach(twist, orders);
     auto count = hits.size();
     for (std::size_t i = 0; i < count;) {
@@ -79,12 +81,32 @@ bool Braking::stays_clear(Twist twist, std::span<const Order> orders, std::span<
             return norm(p) >= footprint_.radius + hit.margin || distance_to_point(footprint_, p) >= hit.margin;
         });
     };
+    // From one pose to the next, after_s from now.
+    const auto meets = [&](const MovingHit &hit, const Pose &from, const Pose &to, double after_s, double took_s) {
+        const Vec2 end = hit.seen.point + (hit.age_s + after_s) * hit.velocity, here{to.x, to.y};
+        if (origin_to_segment(hit.seen.point - here, end - here) >= footprint_.radius + hit.seen.margin) return false;
+        const auto away = [&](const Pose &pose) {
+            const double c = std::cos(pose.theta), s = std::sin(pose.theta);
+            return distance_to_segment(footprint_, seen_from(pose, c, s, hit.seen.point), seen_from(pose, c, s, end));
+        };
+        const double clear = away(to);
+        return clear < hit.seen.margin && away(from) - clear > kApproach * took_s;
+    };
     const double turning = footprint_.is_disc() ? 0.0 : footprint_.radius;
+    double after_s = 0.0;
     const auto clear_on = [&](const Pose &from, const Twist &mean, double span) {
         const double moved = (std::abs(mean.v) + std::abs(mean.w) * turning) * span;
         const int pieces = std::max(1, static_cast<int>(std::ceil(moved / kSpacing)));
+        const double took_s = span / pieces;
+        Pose before = from;
         for (int k = 1; k <= pieces; ++k) {
-            if (!clear_at(integrate(from, mean, span * k / pieces))) return false;
+            const Pose pose = integrate(from, mean, took_s * k);
+            after_s += took_s;
+            if (!clear_at(pose)) return false;
+            if (std::any_of(moving.begin(), moving.end(),
+                            [&](const MovingHit &hit) { return meets(hit, before, pose, after_s, took_s); }))
+                return false;
+            before = pose;
         }
         return true;
     };

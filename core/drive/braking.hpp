@@ -20,6 +20,13 @@ struct Hit {
     double margin = 0.0;
 };
 
+// The same of something that moves: it may stop wherever it comes at this velocity, and what it has left counts, too.
+struct MovingHit {
+    Hit seen;
+    Vec2 velocity;
+    double age_s = 0.0; // since it was there
+};
+
 struct DriveState {
     Pose pose;
     Twist twist;
@@ -38,7 +45,11 @@ class Braking {
     // a hit nearer than that already only has to come no nearer, and one inside the footprint, which is the robot
     // itself or already touched, is passed over. hits is sorted out in place: only those within reach are left in
     // front.
-    bool stays_clear(Twist twist, std::span<const Order> orders, std::span<Hit> hits) const;
+    //
+    // Nor may the robot, as long as it moves, come nearer by its own motion to what moves once that is within its
+    // margin. What comes up to a robot that stands, turns away or drives off is no reason to stand.
+    bool stays_clear(Twist twist, std::span<const Order> orders, std::span<Hit> hits,
+                     std::span<const MovingHit> moving = {}) const;
 
   private:
     template <class Visit>

@@ -142,7 +142,7 @@ def test_staying_clear_against_a_slow_twin(name: str, seed: int, margin_m: float
     hits = np.column_stack([points, np.full(3, margin_m)])
     start = np.array([distance(robot, np.zeros(3), p) for p in points])
     least = slow_clearances(robot, (twist[0], twist[1]), orders, points).min(axis=0)
-    if base.stays_clear((twist[0], twist[1]), orders, hits):
+    if base.stays_clear((twist[0], twist[1]), orders, hits, np.empty((0, 6))):
         assert (least >= np.minimum(margin_m, start - 0.005) - 1e-5).all()
     else:
         assert (least < np.minimum(margin_m + 0.01, start + 1e-5)).any()

@@ -11,6 +11,7 @@ import numpy as np
 
 from adrl.benchmarks.faults import FAULTS
 from adrl.benchmarks.faulty_lines import FaultyLines, params_of
+from adrl.benchmarks.witness import Witness
 from adrl.deploy import MlpPolicy, Navigator, load_policy
 from adrl.deploy.policy import resolve_policy
 from adrl.envs import NavSim
@@ -42,6 +43,10 @@ class Drive:
     time_s: float
     reasons: dict[str, int]
     """Control periods under way in which each reason was given."""
+    at_fault: bool = False
+    """It moved into what it hit."""
+    avoidable: bool = False
+    """It was at fault, and braking by what was to be seen would have avoided it: see Witness."""
 
 
 def fault_drives(
@@ -63,7 +68,8 @@ def fault_drives(
 
 
 def table(drives: Iterable[Drive]) -> list[dict[str, Any]]:
-    """A row a fault, the worst first: how many drives ended how, with the 95 % interval of hits at what stands."""
+    """A row a fault, the worst first: how many drives ended how, with the 95 % interval of hits at what stands, and how
+    many of the collisions were the robot's fault, or avoidable."""
     rows: list[dict[str, Any]] = []
     for name in dict.fromkeys(drive.fault for drive in drives):
         mine = [drive for drive in drives if drive.fault == name]
@@ -71,8 +77,10 @@ def table(drives: Iterable[Drive]) -> list[dict[str, Any]]:
         reasons: Counter[str] = Counter()
         for drive in mine:
             reasons.update(drive.reasons.keys())
+        blame = {name: sum(getattr(drive, name) for drive in mine) for name in ("at_fault", "avoidable")}
         hits = wilson_interval(ends["hit_standing"], len(mine))
         row: dict[str, Any] = {"fault": name, "drives": len(mine)} | {end: ends[end] for end in OUTCOMES}
+        row |= blame
         row |= {"hit_standing_low": hits.low, "hit_standing_high": hits.high}
         row["reasons"] = dict(reasons.most_common())
         rows.append(row)
@@ -104,6 +112,7 @@ class _Robot:
         self.moved_m, self.moved_s = 0.0, 0.0
         """How far it had come when it moved last, and when that was."""
         self.outcome: Outcome | None = None
+        self.witness = Witness(robot)
         self.reasons: Counter[str] = Counter()
 
     def is_late(self, travelled_m: float, time_s: float) -> bool:
@@ -144,6 +153,8 @@ def _drive(names: Sequence[str], robot: RobotConfig, scenario: str, tasks: dict[
             outcome=one.outcome or "timeout",
             time_s=float(sim.b["time"][i]),
             reasons=dict(one.reasons),
+            at_fault=bool(sim.b["at_fault"][i]),
+            avoidable=bool(sim.b["at_fault"][i]) and one.witness.could_brake(sim, i),
         )
         for i, one in enumerate(robots)
     ]
@@ -151,6 +162,7 @@ def _drive(names: Sequence[str], robot: RobotConfig, scenario: str, tasks: dict[
 
 def _step(one: _Robot, sim: NavSim, i: int, step: int) -> None:
     """What robot i receives in a control period, and what its base does with what it sends."""
+    one.witness.look(sim, i)
     received = one.lines.receive(sim, i, step)
     if received is not None:
         command = one.navigator.step(

@@ -89,6 +89,9 @@ class Recovery:
     def watch(self, now_s: float) -> None:
         """A step has been driven."""
         pose = self._supervisor.pose_at(now_s)
+        if self._supervisor.waits:  # who stands for people is not stuck
+            self._begin(pose, now_s)
+            return
         if self._stuck_at is not None and _between_m(pose, self._stuck_at) > AWAY_M:
             self._stuck_at, self._tries = None, 0
         if self._start is None or _between_m(pose, self._start) > PROGRESS_M:

@@ -66,7 +66,8 @@ DEFAULT = SupervisorConfig()
 
 
 class Supervisor:
-    """Watches one robot's sensors and commands. Surroundings count as still while the robot comes to rest.
+    """Watches one robot's sensors and commands. While the robot comes to rest, what was seen to move goes on or stops,
+    and all else stands.
 
     The braking check: a command is let through when the robot may act on it until the next one, or until its watchdog
     stops it, and still come to rest without touching anything that the scan shows. Stopping is then always left for
@@ -109,6 +110,8 @@ class Supervisor:
         self._now_s = -math.inf
         self._looked_s = -math.inf
         """Stamp of the last scan whose hits the surroundings hold."""
+        self.waits = False
+        """Whether the last command was held for something that moves, and for nothing else."""
 
     def watch(self, scan: Scan | None, odometry: Odometry | None, now_s: float) -> tuple[Reason, ...]:
         """Take in what came since the last call, None for nothing; the reasons to stop, none when all is well."""
@@ -190,16 +193,19 @@ class Supervisor:
         if (command[0] < 0.0 and not around.sees_behind()) or (command[0] > 0.0 and not around.sees_ahead()):
             command = self.robot.steerable((0.0, command[1]))
             reasons.append("unseen")
-        hits = around.seen_from(pose)
+        hits, moving = around.seen_from(pose), around.moving_from(pose, now_s)
         speeds = dict.fromkeys(part * command[0] for part in SLOWER)
         choices = [(speed, command[1]) for speed in speeds]
         if self.robot.is_car:
             choices = [(part * command[0], part * command[1]) for part in SLOWER]
         chosen = next(
-            (choice for choice in choices if self._can_stop(choice, twist, pending, hits)), STANDSTILL
+            (choice for choice in choices if self._can_stop(choice, twist, pending, hits, moving)), STANDSTILL
         )
+        self.waits = False
         if chosen != command:
             reasons.append("obstacle")
+            still = around.still_from(pose)
+            self.waits = len(moving) > 0 and self._can_stop(command, twist, pending, still, moving[:0])
         return self._send(chosen, tuple(reasons), now_s)
 
     @property
@@ -213,21 +219,25 @@ class Supervisor:
         """
         speed, yaw_rate = self.gently
         x, y, yaw = self.pose_at(now_s)
-        turning = np.array([[0.0, math.copysign(yaw_rate, turn_rad), abs(turn_rad) / yaw_rate]])
-        if not self._reckoning.base.stays_clear(
-            STANDSTILL, turning, self._surroundings.seen_from((x, y, yaw))
-        ):
+        turning_s = abs(turn_rad) / yaw_rate
+        turning = np.array([[0.0, math.copysign(yaw_rate, turn_rad), turning_s]])
+        if not self._is_free(turning, (x, y, yaw), now_s):
             return False
-        hits = self._surroundings.seen_from((x, y, yaw + turn_rad)) + np.array([0.0, 0.0, FREE_M])
-        return self._reckoning.base.stays_clear(STANDSTILL, np.array([[speed, 0.0, way_m / speed]]), hits)
+        ahead = np.array([[speed, 0.0, way_m / speed]])
+        return self._is_free(ahead, (x, y, yaw + turn_rad), now_s + turning_s, FREE_M)
 
     def could_steer(self, twist: Twist, seconds: float, now_s: float) -> bool:
         """Whether the robot, at rest, could drive an arc for so long; after watch() without faults."""
         around = self._surroundings
         if not (around.sees_behind() if twist[0] < 0.0 else around.sees_ahead()):
             return False
-        hits = around.seen_from(self.pose_at(now_s)) + np.array([0.0, 0.0, FREE_M])
-        return self._reckoning.base.stays_clear(STANDSTILL, np.array([[*twist, seconds]]), hits)
+        return self._is_free(np.array([[*twist, seconds]]), self.pose_at(now_s), now_s, FREE_M)
+
+    def _is_free(self, orders: Array, pose: Pose, time_s: float, more_m: float = 0.0) -> bool:
+        """Whether a robot at rest at a pose at some time could do this, with so much more clearance of what stands."""
+        hits = self._surroundings.seen_from(pose) + np.array([0.0, 0.0, more_m])
+        moving = self._surroundings.moving_from(pose, time_s)
+        return self._reckoning.base.stays_clear(STANDSTILL, orders, hits, moving)
 
     def _send(
         self, twist: Twist, reasons: tuple[Reason, ...], now_s: float
@@ -262,11 +272,11 @@ class Supervisor:
             )
         )
 
-    def _can_stop(self, command: Twist, twist: Twist, pending: Array, hits: Array) -> bool:
+    def _can_stop(self, command: Twist, twist: Twist, pending: Array, hits: Array, moving: Array) -> bool:
         """Whether the robot stays clear if the next command comes in time, and if the watchdog has to stop it."""
         for periods in dict.fromkeys((1.0, self.config.hold_periods)):
             orders = np.concatenate([pending, [[*command, periods * self._period_s]]])
-            if not self._reckoning.base.stays_clear(twist, orders, hits):
+            if not self._reckoning.base.stays_clear(twist, orders, hits, moving):
                 return False
         return True
 
@@ -293,4 +303,6 @@ class Supervisor:
         first = self.pose_at(taken_s)
         last = self.pose_at(taken_s + scan.lasts_s) if scan.lasts_s > 0.0 else first
         self._sensors.scan = self._beams.believable(scan, first)
-        self._surroundings.take(self._sensors.scan, first, last, clears=not self._alignment.doubtful)
+        late_s = self._alignment.late_s
+        clears = not self._alignment.doubtful
+        self._surroundings.take(self._sensors.scan, first, last, late_s=late_s, clears=clears)

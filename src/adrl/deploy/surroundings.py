@@ -7,13 +7,18 @@ from numpy.typing import NDArray
 
 from adrl.deploy.lidar import beam_angles, beam_towards, readings, sees_all_round, widest_hole_rad
 from adrl.deploy.messages import Pose, Scan
-from adrl.geometry import in_robot_frame, in_world_frame
+from adrl.deploy.tracks import Tracks
+from adrl.geometry import compose, in_robot_frame, in_world_frame
 from adrl.types import Array, RobotConfig
 
 Mask = NDArray[np.bool_]
 
 LASTS_S = 30.0
 """What no scan tells of any more is forgotten after this time: it may have gone, and odometry drifts."""
+MOVING_LASTS_S = 1.0
+"""The same of what moved."""
+MOVING_M = 0.1
+"""More clearance is kept of what moves: where it will be is not known as well."""
 NEAR_M = 1.0
 """Least distance from the robot within which that is remembered."""
 CELL_M = 0.02
@@ -35,20 +40,24 @@ class Surroundings:
 
     def forget(self) -> None:
         """The odometry's frame is another now."""
-        self._newest: Array = np.empty((0, 3))
-        self._former: Array = np.empty((0, 3))
-        """(M, 3) x, y, clearance: of the last scan, and, near the robot, of the one before."""
+        self._newest: Array = np.empty((0, 4))
+        self._former: Array = np.empty((0, 4))
+        """(M, 4) x, y, clearance, and until when it is remembered: of the last scan, and, near the robot, of the one
+        before."""
         self._lasting: Array = np.empty((0, 4))
-        """(M, 4) x, y, clearance, and when it was seen, of what the last scan tells nothing of."""
-        self._last_s = -math.inf
+        """(M, 4) of what the last scan tells nothing of."""
+        self._tracks = Tracks()
+        self._velocity: Array = np.empty((0, 2))
+        """(M, 2) of the last scan's hits; 0 of what stands."""
+        self._taken_s = -math.inf
         self._looking: tuple[Scan, Mask] | None = None
         """The last scan, and which of its beams tell of something else than the robot itself."""
         self._trusted = self._newest, self._former, self._lasting
         """As it was before a suspicion."""
 
-    def take(self, scan: Scan, first: Pose, last: Pose, *, clears: bool = True) -> None:
-        """A new scan; where the robot was when its first and its last beam were taken. clears: False for a scan under
-        suspicion, for which nothing that was known is given up."""
+    def take(self, scan: Scan, first: Pose, last: Pose, *, late_s: float = 0.0, clears: bool = True) -> None:
+        """A new scan; where the robot was when its first and its last beam were taken. late_s: by which it is older
+        than it says. clears: False for a scan under suspicion, for which nothing that was known is given up."""
         ranges, told = readings(scan)
         too_near = (scan.ranges > 0.0) & (scan.ranges < scan.range_min_m)
         ranges = np.where(too_near, scan.ranges, ranges)
@@ -67,8 +76,11 @@ class Surroundings:
         turn = math.remainder(last[2] - first[2], 2.0 * math.pi)
         way = np.array([last[0] - first[0], last[1] - first[1], turn])
         poses = np.array(first) + np.linspace(0.0, 1.0, len(ranges))[hit, None] * way
-        self._newest = np.column_stack([in_world_frame(poses, points[hit]), clearance])
-        self._last_s = scan.stamp_s
+        places = in_world_frame(poses, points[hit])
+        self._velocity = self._tracks.take(scan, compose(last, self._mount), hit, places)
+        self._taken_s = scan.stamp_s - late_s
+        lasts_s = np.where(self._velocity.any(axis=1), MOVING_LASTS_S, LASTS_S)
+        self._newest = np.column_stack([places, clearance, scan.stamp_s + lasts_s])
         self._looking = (scan, outside)
         if clears:
             self._trusted = self._newest, self._former, self._lasting
@@ -97,8 +109,25 @@ class Surroundings:
         What the last scan but one hit is not to be hit, without a margin: a beam that fails for one scan does not open
         the way.
         """
-        former = self._former - (0.0, 0.0, self._margin_m)
-        known = np.concatenate([former, self._newest, self._lasting[:, :3]])
+        former = self._former - (0.0, 0.0, self._margin_m, 0.0)
+        known = np.concatenate([former, self._newest, self._lasting])
+        return np.column_stack([in_robot_frame(np.array(pose), known), known[:, 2]])
+
+    def moving_from(self, pose: Pose, time_s: float) -> Array:
+        """(K, 6) what moves, in the frame of a robot that is at a pose at some time: x, y and clearance as it was
+        seen, its velocity, and the seconds from then to that time."""
+        moves = self._velocity.any(axis=1)
+        if not moves.any():
+            return np.empty((0, 6))
+        known, velocity = self._newest[moves], self._velocity[moves]
+        turned = in_robot_frame(np.array([0.0, 0.0, pose[2]]), velocity)
+        age_s = np.full(len(known), max(time_s - self._taken_s, 0.0))
+        clearance = known[:, 2] + MOVING_M
+        return np.column_stack([in_robot_frame(np.array(pose), known), clearance, turned, age_s])
+
+    def still_from(self, pose: Pose) -> Array:
+        """(M, 3) as seen_from, without what moves."""
+        known = np.concatenate([self._newest[~self._velocity.any(axis=1)], self._lasting])
         return np.column_stack([in_robot_frame(np.array(pose), known), known[:, 2]])
 
     def _on_robot(self, scan: Scan, ranges: Array) -> Array:
@@ -138,9 +167,8 @@ class Surroundings:
 
     def _untold(self, scan: Scan, tells: Mask, pose: Pose) -> Array:
         """(M, 4) of what was known, near and not too old: what a scan tells nothing of, the newest of each place."""
-        seen = np.column_stack([self._former, np.full(len(self._former), self._last_s)])
-        lasting = self._lasting[self._lasting[:, 3] > scan.stamp_s - LASTS_S]
-        known = np.concatenate([seen, lasting[self._is_near(lasting, pose)]])
+        known = np.concatenate([self._former, self._lasting[self._is_near(self._lasting, pose)]])
+        known = known[known[:, 3] > scan.stamp_s]
         x, y = in_robot_frame(np.array(pose), known).T
         bearings = np.arctan2(y - self._mount[1], x - self._mount[0]) - self._mount[2]
         untold = known[~_in_view(scan, tells, bearings)]
