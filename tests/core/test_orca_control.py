@@ -145,10 +145,11 @@ def test_in_the_open_it_drives_straight_at_full_speed() -> None:
 
 def test_walls_and_pillars_are_kept_off() -> None:
     """Its path leads right through them."""
-    for shapes in (
+    obstacles: list[dict[str, Any]] = [
         {"segments": np.array([(2.0, -0.6, 2.0, 0.5)])},
         {"circles": np.array([(2.0, 0.1, 0.5)])},
-    ):
+    ]
+    for shapes in obstacles:
         fleet = driven(None, **shapes)
         for _ in range(120):
             fleet.step(fleet.plan())

@@ -39,7 +39,8 @@ def walkers(routes: list[list[tuple[float, float]]], speed_mps: Any, **more: Any
 
 
 def a_task(who: People, start: tuple[float, float, float], goal: tuple[float, float], **world: Any) -> Task:
-    place = World(bounds=BOUNDS, **({"segments": enclosure(BOUNDS)} | world))
+    shapes: dict[str, Any] = {"segments": enclosure(BOUNDS)} | world
+    place = World(bounds=BOUNDS, **shapes)
     return Task(
         world=place,
         start=start,
@@ -202,19 +203,20 @@ def test_a_robot_that_has_stood_for_people_goes_on_without_a_way_out() -> None:
     sim = among([task], robot)
     navigator = Navigator(policy_of(robot), world=task.world)
     navigator.set_goal(task.goal)
-    waited = 0
+    waited, status = 0, "driving"
     for k in range(500):
         now_s = 0.1 * k
         scan = as_scan(sim.b["ranges"][0], robot.lidar, now_s)
         command = navigator.step(scan, as_odometry(sim, 0, now_s), now_s)
-        if command.status == "reached":
+        status = command.status
+        if status == "reached":
             break
         assert navigator.supervisor is not None
         waited += navigator.supervisor.waits
         sim.b["command"][0] = command.twist
         sim.native.step()
         assert not sim.b["at_fault"][0]
-    assert command.status == "reached"
+    assert status == "reached"
     assert waited > 0
     assert navigator.recoveries == 0
 
