@@ -167,6 +167,22 @@ std::shared_ptr<Crowd> make_crowd(const In<double, nb::shape<-1, 6>> &walkers, c
     return made;
 }
 
+Returned<double> seen_of(const World &world, const std::shared_ptr<Crowd> &crowd,
+                         const In<double, nb::shape<-1, kPersonNumbers>> &people, double time_s) {
+    if (crowd && people.shape(0) < static_cast<std::size_t>(crowd->count()))
+        throw nb::value_error("people: fewer rows than the crowd has people");
+    const auto *walkers = reinterpret_cast<const Person *>(people.data());
+    const DiscPlaces seen = Moving(world, crowd.get(), walkers, time_s).seen_at(time_s);
+    double *out = nullptr;
+    auto result = new_array<double>({static_cast<std::size_t>(seen.count), 3}, out);
+    for (int i = 0; i < seen.count; ++i) {
+        out[3 * i] = seen.x[i];
+        out[3 * i + 1] = seen.y[i];
+        out[3 * i + 2] = seen.radius[i];
+    }
+    return result;
+}
+
 } // namespace
 
 void bind_batch_sim(nb::module_ &m);
@@ -189,6 +205,8 @@ NB_MODULE(_core, m) {
              nb::arg("solid").noconvert(), nb::arg("resolution_m"), nb::arg("origin"));
     m.def("raycast", &raycast_many, nb::arg("world"), nb::arg("poses").noconvert(), nb::arg("angles_rad").noconvert(),
           nb::arg("max_range_m"), nb::arg("time_s") = 0.0);
+    m.def("seen", &seen_of, nb::arg("world"), nb::arg("crowd").none(), nb::arg("people").noconvert(),
+          nb::arg("time_s"));
     m.def("clearance", &clearance_many, nb::arg("world"), nb::arg("poses").noconvert(), nb::arg("radius_m"),
           nb::arg("footprint").noconvert(), nb::arg("limit_m"), nb::arg("time_s") = 0.0);
     m.def("clearance_field", &clearance_field_of, nb::arg("world"), nb::arg("origin_x_m"), nb::arg("origin_y_m"),

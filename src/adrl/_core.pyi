@@ -33,6 +33,10 @@ class World:
 def raycast(world: World, poses: F64, angles_rad: F64, max_range_m: float, time_s: float = 0.0) -> F32:
     """(N, 3) sensor poses, (K,) angles -> (N, K) ranges. 0 inside an obstacle, max_range_m when nothing is hit."""
 
+def seen(world: World, crowd: Crowd | None, people: F64, time_s: float) -> F64:
+    """(M, 3) x, y and radius of what a LiDAR sees of the discs and of people (P, PERSON_NUMBERS): bodies, or two legs
+    of each."""
+
 def clearance(
     world: World, poses: F64, radius_m: float, footprint: F64, limit_m: float, time_s: float = 0.0
 ) -> F64:

@@ -159,8 +159,32 @@ def test_replays_hold_the_people(tmp_path: Path) -> None:
     traces = sorted(read_traces(tmp_path / "t.safetensors").episodes, key=lambda trace: trace.task)
     assert [trace.people.shape[1] for trace in traces] == [1, 0, 2]
     first = traces[0]
+    assert all(trace.legs.size == 0 for trace in traces)
     assert first.people.shape == (len(first.pose), 1, 3)
     np.testing.assert_allclose(first.people[0, 0], [3.0, 2.0, 0.3], atol=1e-6)
     gaps = np.hypot(*(first.people[:, 0, :2] - first.pose[:, :2]).T) - 0.3 - 0.2
     assert episodes.person_distance_m is not None
     assert gaps.min() == pytest.approx(episodes.person_distance_m[0], abs=1e-4)
+
+
+def test_replays_hold_the_legs_that_the_lidar_sees(tmp_path: Path) -> None:
+    """Two within each body; every beam that ends at a person ends at a leg."""
+    robot = replace(ROBOT, lidar=replace(ROBOT.lidar, noise_std_m=0.0))
+    people = replace(walker((2.0, 0.4), (-8.0, 0.4)), legs=True)
+    recorder = TraceRecorder()
+    rollout(Drive(0.3), [a_task(people)], robot, recorders=[recorder], num_threads=1)
+    write_traces(tmp_path / "t.safetensors", recorder.traces())
+    (trace,) = read_traces(tmp_path / "t.safetensors").episodes
+    assert trace.legs.shape == (len(trace.pose), 2, 3)
+    assert (trace.legs[:, :, 2] == np.float32(0.1)).all()
+    beside = np.linalg.norm(trace.legs[:, :, :2] - trace.people[:, :, :2], axis=2)
+    assert (beside + 0.1 <= 0.3 + 1e-6).all()
+    seen = 0
+    for pose, ranges, legs, bodies in zip(trace.pose, trace.ranges, trace.legs, trace.people, strict=True):
+        angles = pose[2] + robot.lidar.angles_rad
+        ends = pose[:2] + ranges.astype(float)[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
+        at_body = np.linalg.norm(ends - bodies[0, :2], axis=1) < 0.3
+        to_legs = np.linalg.norm(ends[:, None] - legs[None, :, :2], axis=2) - 0.1
+        assert (np.abs(to_legs[at_body].min(axis=1)) < 0.01).all()
+        seen += int(at_body.sum())
+    assert seen > 20

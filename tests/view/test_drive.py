@@ -155,6 +155,24 @@ def test_an_obstacle_that_is_moved_is_where_it_is_seen_and_hit(tmp_path: Path) -
     assert desk.drive.lanes[0].task.world is before
 
 
+def test_a_person_who_is_added_sets_out_and_the_others_walk_on(tmp_path: Path) -> None:
+    desk = Desk(tmp_path, policies=("default", "jackal"), robot="diffbot", place="crowd", people=6)
+    desk.ask(do="pace", playing=False)
+    before = desk.turns(1)["lanes"]
+    x, y = before[0]["goal"]
+    after = desk.ask(do="person", x=x, y=y)
+    assert "errors" not in after
+    for old, new in zip(before, after["lanes"], strict=True):
+        assert new["people"][:18] == old["people"]
+        np.testing.assert_allclose(new["people"][18:20], [x, y], atol=1e-3)
+    desk.ask(do="pace", playing=True, speed=20.0)
+    walked = desk.turns(3)["lanes"][0]["people"]
+    assert math.dist(walked[18:20], (x, y)) > 0.1
+    errors = desk.ask(do="person", x=-50.0, y=0.0)["errors"]
+    assert "no person can walk from (-50.00, 0.00)" in errors[0]
+    assert len(desk.ask(do="restart")["lanes"][0]["people"]) == 18
+
+
 def test_time_stands_while_paused(tmp_path: Path) -> None:
     desk = Desk(tmp_path)
     desk.ask(do="pace", playing=False, speed=5.0)

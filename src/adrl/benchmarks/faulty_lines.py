@@ -17,6 +17,7 @@ from adrl.benchmarks.faults import Fault, Line, pass_on
 from adrl.deploy import Odometry, Pose, Scan, Twist
 from adrl.envs import NavSim
 from adrl.envs.randomization import PARAMS, nominal_params
+from adrl.evaluation.supervised import as_odometry, as_scan
 from adrl.geometry import compose
 from adrl.types import RobotConfig, World
 
@@ -93,24 +94,6 @@ class FaultyLines:
         time_s = float(sim.b["time"][i])
         through = _core.raycast(self._through.native, sensor, lidar.angles_rad, lidar.max_range_m, time_s)[0]
         return np.maximum(through, sim.b["ranges"][i])
-
-
-def as_scan(ranges: np.ndarray, robot: RobotConfig, stamp_s: float) -> Scan:
-    """What a driver publishes of the simulated LiDAR."""
-    lidar = robot.lidar
-    return Scan(
-        ranges=ranges.astype(np.float64),
-        angle_min_rad=lidar.angle_min_rad,
-        angle_increment_rad=lidar.angle_increment_rad,
-        range_max_m=lidar.max_range_m,
-        stamp_s=stamp_s,
-    )
-
-
-def as_odometry(sim: NavSim, i: int, stamp_s: float) -> Odometry:
-    """The simulated robot's own reckoning."""
-    (x, y, yaw), (v, w) = sim.b["odometry"][i].tolist(), sim.b["twist"][i].tolist()
-    return Odometry(pose=(x, y, yaw), twist=(v, w), stamp_s=stamp_s)
 
 
 def params_of(robot: RobotConfig, fault: Fault) -> np.ndarray:

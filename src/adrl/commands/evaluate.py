@@ -35,6 +35,8 @@ class EvaluateOptions(DrivesOptions):
     """x (m), y (m) and yaw (rad) of one task of your own on --map or --world; needs --goal."""
     goal: tuple[float, float] | None = None
     """x (m) and y (m) of that task's goal."""
+    supervised: bool = False
+    """Drive as on a robot: behind the runtime's supervisor. Replays say what it held the robot for."""
     threads: int = 0
     """Threads of the simulator; 0 takes one per core."""
     out: Path | None = None
@@ -73,6 +75,7 @@ def main(arguments: Sequence[str]) -> int:
             traces=options.out is not None,
             bag=options.bag,
             bag_tasks=options.bag_tasks or None,
+            supervised=options.supervised,
             on_step=show,
         )
     console().print(comparison_table([result.summary]))
@@ -85,7 +88,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def _over_robots(options: EvaluateOptions, place: Scenario, family: RobotFamily) -> int:
     """The same with many robots."""
-    for name in ("paper_literal", "start", "goal", "bag", "bag_tasks"):
+    for name in ("paper_literal", "start", "goal", "bag", "bag_tasks", "supervised"):
         if getattr(options, name) not in (False, None, ()):
             option = name.replace("_", "-")
             raise ConfigError(

@@ -83,7 +83,7 @@ def _evaluate_anew(run: Path, episodes: int) -> None:
         summary = read_summary(folder)
         trained = {"scenario": place.load().name, "robot": robot_of_run(config), "simulator": "native"}
         if {key: summary.get(key, "native") for key in trained} == trained and summary["split"] in SPLITS:
-            as_before = ("split", "guidance", "episodes", "paper_literal")
+            as_before = ("split", "guidance", "episodes", "paper_literal", "supervised")
             _evaluate(run, place, folder, {key: summary[key] for key in as_before if key in summary})
         else:
             console().print(
@@ -99,5 +99,6 @@ def _evaluate(run: Path, place: Place, out: Path, options: dict[str, Any]) -> No
             api.evaluate(run, **given)
         else:
             given |= {"robots": max(1, given["episodes"] // api.TASKS), "episodes": api.TASKS}
-            given.pop("paper_literal", None)
+            for name in ("paper_literal", "supervised"):
+                given.pop(name, None)
             api.evaluate_family(run, family=family, **given)

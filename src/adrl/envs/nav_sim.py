@@ -3,6 +3,8 @@
 No autoreset and no Gymnasium: NavVectorEnv and the evaluation's rollout are built on this.
 """
 
+import dataclasses
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -24,7 +26,7 @@ from adrl.registry import look_up
 from adrl.rewards import RewardConfig
 from adrl.rewards.step import reference_period_s
 from adrl.simulators import Body
-from adrl.types import Array, RobotConfig, Task
+from adrl.types import Array, People, RobotConfig, Task
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -189,6 +191,17 @@ class NavSim:
         self.native.set_task(i, task.native)
         self._time_limit_s[i] = task.time_limit_s
 
+    def set_people(self, i: int, people: People) -> None:
+        """Those about robot i who walk on, and after them others, who set out from where their routes begin."""
+        task = self.tasks[i]
+        assert task is not None
+        walking = len(task.people)
+        self.set_task(i, dataclasses.replace(task, people=people))
+        for k, route in enumerate(people.routes[walking:], walking):
+            yaw = math.atan2(*(route[min(1, len(route) - 1)] - route[0])[::-1])
+            onwards = float(len(route) > 1)
+            self.b["people"][i, k] = [*route[0], 0.0, 0.0, yaw, 0.0, onwards, 1.0, 0.0, 0.0]
+
     def observe(self, rows: Rows = ALL) -> F32:
         """(N, D) observations, a new array; of the robots `rows` (M,) alone, (M, D)."""
         return self.encoder.encode(*self.measured(rows), kind=self.b["kind"][rows])
@@ -230,6 +243,17 @@ class NavSim:
         task = self.tasks[row]
         radius = np.empty(0) if task is None else task.people.radius_m
         return np.column_stack([self.b["people"][row, : len(radius), :2], radius])
+
+    def legs(self, row: int) -> Array:
+        """(2 P, 3) x, y and radius of what the LiDAR sees of the people about a robot, now: of none where it sees their
+        bodies."""
+        task = self.tasks[row]
+        if task is None or not task.people.legs:
+            return np.empty((0, 3))
+        seen = _core.seen(
+            task.world.native, task.people.native, self.b["people"][row], float(self.b["time"][row])
+        )
+        return seen[len(task.world.discs) :]
 
     def moving(self, row: int) -> Array:
         """(M, 3) x, y and radius of the discs and people about a robot, now."""

@@ -4,7 +4,7 @@ import logging
 import os
 from collections.abc import Callable, Collection, Sequence
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from adrl.evaluation.results import (
     write_episodes,
 )
 from adrl.evaluation.rollout import PrivilegedPolicy, Recorder, Rollout, rollout
+from adrl.evaluation.supervised import Supervised
 from adrl.evaluation.traces import TRACES_FILE, TraceRecorder, Traces, write_traces
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
@@ -83,6 +84,7 @@ def evaluate(
     out: str | os.PathLike[str] | None = None,
     bag: str | os.PathLike[str] | None = None,
     bag_tasks: Collection[int] | None = None,
+    supervised: bool = False,
     reward_terms: Sequence[RewardTerm] = (),
     on_step: Callable[[int, int], None] | None = None,
 ) -> Evaluation:
@@ -95,8 +97,10 @@ def evaluate(
     make_body: makes what moves the robots instead of our simulator, for as long as it is needed:
     adrl.integrations.gazebo.Gazebo. on_drive: see rollout. traces: keep the course of some episodes and of the first
     failures, for Evaluation.save. out: folder to save all of it in, checked before the drive. bag: file of a ROS 1 bag,
-    or folder of a ROS 2 bag, for the episodes of bag_tasks, or of all tasks when None. reward_terms: your own that the
-    policy was trained with, for the traces; those that an installed package offers are found. Raises AdrlError.
+    or folder of a ROS 2 bag, for the episodes of bag_tasks, or of all tasks when None. supervised: as on a robot, the
+    runtime with its supervisor between policy and base; traces keep what it held the robot for. reward_terms: your own
+    that the policy was trained with, for the traces; those that an installed package offers are found. Raises
+    AdrlError.
     """
     if episodes < 1:
         raise ConfigError(f"episodes is {episodes}; give 1 or more")
@@ -111,11 +115,13 @@ def evaluate(
     place = get_scenario(scenario)
     driver = find_policy(policy, PLANNERS)
     guidance, config = driver.require_guidance(guidance), driver.driven(robot)
+    as_given = replanner is None and not paper_literal
+    driving = _supervised(driver, config, guidance, as_given) if supervised else driver
     if paper_literal:
         _require_replanner(driver, guidance)
     constants = replanner or driver.replanner
     constants = constants.literal() if paper_literal else constants
-    setting = setting_of(driver, config, guidance, constants)
+    setting = setting_of(driving, config, guidance, constants)
     warning = driver.strange(config)
     if warning is not None:
         LOG.warning(warning)
@@ -126,17 +132,18 @@ def evaluate(
     absent = sorted(set(bag_tasks or ()) - set(range(len(tasks))))
     if absent:
         raise ConfigError(f"bag_tasks has {absent[0]}; the tasks are 0 to {len(tasks) - 1}")
-    recorder = trace_recorder(driver.policy, reward_terms) if traces or out is not None else None
+    drives = driving.policy
+    recorder = trace_recorder(driver.policy, reward_terms, drives) if traces or out is not None else None
     with ExitStack() as stack:
         body = stack.enter_context(make_body(config)) if make_body is not None else None
         recorders: list[Recorder] = [] if recorder is None else [recorder]
         if bag is not None:
             recorders.append(BagRecorder(stack.enter_context(BagWriter(bag, config)), bag_tasks))
         result = rollout(
-            driver.policy,
+            drives,
             tasks,
             setting,
-            encoder=None if isinstance(driver.encoder, EncoderConfig) else driver.encoder,
+            encoder=None if isinstance(driving.encoder, EncoderConfig) else driving.encoder,
             seed=seed,
             num_threads=num_threads,
             record=record,
@@ -153,6 +160,7 @@ def evaluate(
         split=split,
         simulator="native" if body is None else type(body).__name__.lower(),
         paper_literal=guidance == "replan" and constants == constants.literal(),
+        supervised=supervised,
         warnings=() if warning is None else (warning,),
     )
     done = Evaluation(
@@ -164,6 +172,21 @@ def evaluate(
     if out is not None:
         done.save(out)
     return done
+
+
+def _supervised(driver: ResolvedPolicy, robot: RobotConfig, guidance: str, as_given: bool) -> ResolvedPolicy:
+    """The policy behind the runtime, which encodes and plans by itself. Raises ConfigError."""
+    if not as_given:
+        raise ConfigError(
+            "supervised drives with the policy's own replanner; leave paper_literal and replanner out"
+        )
+    return replace(
+        driver,
+        policy=Supervised(driver, robot, guidance),
+        encoder=EncoderConfig(),
+        encoder_inside=False,
+        plans_itself=True,
+    )
 
 
 def _require_replanner(driver: ResolvedPolicy, guidance: str) -> None:
@@ -193,10 +216,16 @@ def setting_of(
     )
 
 
-def trace_recorder(driver: Policy | PrivilegedPolicy, reward_terms: Sequence[RewardTerm]) -> TraceRecorder:
-    """A recorder with the reward that the policy was trained with, if it says so. Raises CheckpointError."""
+def trace_recorder(
+    driver: Policy | PrivilegedPolicy,
+    reward_terms: Sequence[RewardTerm],
+    drives: Policy | PrivilegedPolicy | None = None,
+) -> TraceRecorder:
+    """A recorder with the reward that the policy was trained with, if it says so. drives: what drives in its place,
+    whose reasons are kept where it is supervised. Raises CheckpointError."""
+    supervised = drives if isinstance(drives, Supervised) else None
     if not isinstance(driver, MlpPolicy):
-        return TraceRecorder()
+        return TraceRecorder(supervised=supervised)
     saved = driver.config.extra.get("reward", {})
     try:
         maturity = saved.get("maturity")
@@ -204,7 +233,7 @@ def trace_recorder(driver: Policy | PrivilegedPolicy, reward_terms: Sequence[Rew
         constants = without_constants(RewardConfig, saved.get("constants", {}))
         given = {term.name: term for term in reward_terms}
         constants["extra_terms"] = [given.get(name, name) for name in constants.get("extra_terms", ())]
-        return TraceRecorder(RewardConfig(**constants), maturity)
+        return TraceRecorder(RewardConfig(**constants), maturity, supervised=supervised)
     except (AttributeError, TypeError, ValueError) as error:
         raise CheckpointError(f"bad reward in the policy's config.json ({error}); restore the file") from None
 

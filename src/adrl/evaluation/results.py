@@ -60,6 +60,8 @@ class RunMeta:
     """native, or gazebo."""
     paper_literal: bool = False
     """Guidance `replan` computed its equations as printed."""
+    supervised: bool = False
+    """The runtime with its supervisor drove, as on a robot."""
     trained_paper_literal: bool | None = None
     """The training computed every equation as printed; None where there was none, or its run does not say."""
     trained_for: str | None = None

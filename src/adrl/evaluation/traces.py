@@ -17,6 +17,7 @@ from adrl.envs.nav_sim import NavSim
 from adrl.envs.steps import Outcome
 from adrl.errors import AdrlError, CheckpointError, FileError, brief
 from adrl.evaluation.metrics import RATES
+from adrl.evaluation.supervised import Supervised, spells, steps_of
 from adrl.geometry import in_robot_frame, in_world_frame
 from adrl.json_files import parse_json
 from adrl.rewards import REWARD_TERMS, RewardConfig, reward_terms, weights
@@ -66,6 +67,10 @@ class Trace:
     """(T, R) each term's part of the step's reward: scale * w'_i * r_i (eq 17)."""
     people: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
     """(T + 1, P, 3) x, y and radius of the people; (0, 0, 3) where nobody walks."""
+    reasons: tuple[tuple[str, ...], ...] | None = None
+    """Of each of the T steps, why the supervisor sent another command than the policy's; None without a supervisor."""
+    legs: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
+    """(T + 1, 2 P, 3) x, y and radius of their legs, where the LiDAR sees those; (0, 0, 3) where it sees bodies."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,6 +95,8 @@ class Traces:
 
 _STATES = ("time_s", "pose", "twist", "waypoint", "clearance", "ranges")
 _STEPS = ("weights", "paid")
+_WALKERS = ("people", "legs")
+"""Absent from a file where there are none."""
 
 
 @dataclass
@@ -123,10 +130,12 @@ class TraceRecorder:
         *,
         failures: int = FAILURES,
         arrivals: int = ARRIVALS,
+        supervised: Supervised | None = None,
     ) -> None:
-        """reward, maturity: of the weights that are shown. failures, arrivals: how many of each to keep."""
+        """reward, maturity: of the weights that are shown. failures, arrivals: how many of each to keep. supervised:
+        what drives, where its reasons are to be kept."""
         self.reward = reward or RewardConfig()
-        self._maturity = maturity
+        self._maturity, self._supervised = maturity, supervised
         self._left = {True: arrivals, False: failures}
         self._episodes: list[Trace] = []
         self._tasks: list[Task] = []
@@ -156,7 +165,8 @@ class TraceRecorder:
         rows = np.flatnonzero(active)
         weight = weights(outcome.features, self._maturity, self.reward)
         paid = self.reward.scale * weight * outcome.reward_terms
-        self._steps.add(rows, weights=weight, paid=paid)
+        told = {} if self._supervised is None else {"reasons": _objects(self._supervised.reasons)}
+        self._steps.add(rows, weights=weight, paid=paid, **told)
         self._step += 1
         self._add_state(sim, rows)
 
@@ -174,6 +184,9 @@ class TraceRecorder:
             if places is not None and len(task.people):
                 radius_m = np.broadcast_to(task.people.radius_m, places[:, : len(task.people), 0].shape)
                 states["people"] = np.dstack([places[:, : len(task.people)], radius_m])
+            legs = states.pop("legs", None)
+            if legs is not None and task.people.legs:
+                states["legs"] = legs[:, : 2 * len(task.people)]
             none = np.empty((0, len(reward_terms(self.reward))), np.float32)
             self._episodes.append(
                 Trace(
@@ -186,6 +199,7 @@ class TraceRecorder:
                     path=task.path,
                     **states,
                     **{name: steps.get(name, none) for name in _STEPS},
+                    reasons=None if self._supervised is None else tuple(steps.get("reasons", ())),
                 )
             )
         points = self._points.of(range(len(self._chunk)))
@@ -217,6 +231,7 @@ class TraceRecorder:
         self._states.add(
             rows,
             **({"people": b["people"][:, :walking, :2]} if walking else {}),
+            **({"legs": self._legs(sim, walking)} if any(task.people.legs for task in self._chunk) else {}),
             time_s=b["time"],
             pose=b["pose"],
             twist=b["twist"],
@@ -226,6 +241,14 @@ class TraceRecorder:
         )
         self._points.add(rows[self._step % self._every[rows] == 0], place=b["pose"][:, :2])
         self._last = b["pose"]
+
+    def _legs(self, sim: NavSim, walking: int) -> NDArray[np.float32]:
+        """(N, 2 P, 3) of the robots that drive, 0 where there are none."""
+        legs = np.zeros((sim.num_envs, 2 * walking, 3), np.float32)
+        for i in np.flatnonzero(sim.b["active"]).tolist():
+            seen = sim.legs(i)
+            legs[i, : len(seen)] = seen
+        return legs
 
 
 def write_traces(path: str | os.PathLike[str], traces: Traces) -> None:
@@ -244,8 +267,9 @@ def write_traces(path: str | os.PathLike[str], traces: Traces) -> None:
         for name in (*_STATES, *_STEPS):
             array = np.asarray(getattr(trace, name))
             tensors[f"episode.{number}.{name}"] = array.astype(np.float16 if name == "ranges" else np.float32)
-        if trace.people.size:
-            tensors[f"episode.{number}.people"] = trace.people.astype(np.float32)
+        for name in _WALKERS:
+            if getattr(trace, name).size:
+                tensors[f"episode.{number}.{name}"] = getattr(trace, name).astype(np.float32)
     about = {
         "schema_version": SCHEMA_VERSION,
         "robot": asdict(traces.robot),
@@ -258,12 +282,18 @@ def write_traces(path: str | os.PathLike[str], traces: Traces) -> None:
             {"task": t.task, "ending": t.ending, "world": place[id(t.world)]}
             | {"goal": list(t.goal), "goal_tolerance_m": t.goal_tolerance_m}
             | ({"robot": asdict(t.robot)} if t.robot != traces.robot else {})
+            | ({} if t.reasons is None else {"reasons": spells(t.reasons)})
             for t in traces.episodes
         ],
     }
     packed = {name: np.ascontiguousarray(array) for name, array in tensors.items()}
     metadata = {"traces": json.dumps(about, allow_nan=False)}
     files.atomic_write_bytes(path, pack_safetensors(packed, metadata))
+
+
+def _objects(items: Sequence[Any]) -> NDArray[Any]:
+    """(N,) of any objects."""
+    return np.fromiter(items, dtype=object, count=len(items))
 
 
 Coordinate = Annotated[float, Meta(ge=-1e6, le=1e6)]
@@ -283,6 +313,8 @@ class _EpisodeAbout(TypedDict):
     goal_tolerance_m: float
     robot: NotRequired[dict[str, Any]]
     """Where it is another than that of the file."""
+    reasons: NotRequired[list[tuple[Annotated[int, Meta(ge=0)], list[str]]]]
+    """Where a supervisor drove along: steps at which its reasons change, and what they are from there on."""
 
 
 class _About(TypedDict):
@@ -330,10 +362,13 @@ def _unpack(about: _About, tensors: Mapping[str, NDArray[Any]]) -> Traces:
         arrays = {name: tensors[f"episode.{number}.{name}"] for name in ("path", *_STATES, *_STEPS)}
         own = robot_from_fields(entry["robot"]) if "robot" in entry else robot
         _require_shapes(arrays, own, terms)
-        people = tensors.get(f"episode.{number}.people")
-        if people is not None:
-            arrays["people"] = _people_like(people, len(arrays["time_s"]))
-        episodes.append(Trace(**arrays, **entry | {"world": worlds[entry["world"]], "robot": own}))  # pyright: ignore
+        for name in _WALKERS:
+            walkers = tensors.get(f"episode.{number}.{name}")
+            if walkers is not None:
+                arrays[name] = _walkers_like(name, walkers, len(arrays["time_s"]))
+        told = steps_of(entry["reasons"], len(arrays["time_s"]) - 1) if "reasons" in entry else None
+        own_parts = {"world": worlds[entry["world"]], "robot": own, "reasons": told}
+        episodes.append(Trace(**arrays, **entry | own_parts))  # pyright: ignore
     tasks, sizes, positions = (tensors[f"routes.{name}"] for name in ("task", "size", "xy"))
     ends = np.cumsum(sizes)
     if tasks.shape != sizes.shape or (sizes < 1).any() or positions.shape != (sizes.sum(), 2):
@@ -366,12 +401,14 @@ def _require_shapes(arrays: Mapping[str, NDArray[Any]], robot: RobotConfig, term
             raise ValueError(f"{name} of an episode holds a number that is not finite")
 
 
-def _people_like(people: NDArray[Any], states: int) -> NDArray[Any]:
+def _walkers_like(name: str, walkers: NDArray[Any], states: int) -> NDArray[Any]:
     """The array, where it is as Trace says. Raises ValueError."""
-    shape = (states, people.shape[1] if people.ndim == 3 else 0, 3)
-    if people.shape != shape or people.dtype.kind != "f" or not np.isfinite(people).all():
-        raise ValueError(f"people of an episode is {people.dtype} {people.shape}, not finite floats {shape}")
-    return people
+    shape = (states, walkers.shape[1] if walkers.ndim == 3 else 0, 3)
+    if walkers.shape != shape or walkers.dtype.kind != "f" or not np.isfinite(walkers).all():
+        raise ValueError(
+            f"{name} of an episode is {walkers.dtype} {walkers.shape}, not finite floats {shape}"
+        )
+    return walkers
 
 
 _WORLD_ARRAYS = ("circles", "segments", "discs", "corners", "sizes", "solid")

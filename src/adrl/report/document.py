@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.evaluation.metrics import RATES, Episodes
+from adrl.evaluation.supervised import spells
 from adrl.evaluation.traces import Trace, Traces
 from adrl.report.encode import numbers, packed, world_content, world_picture
 from adrl.report.failure_map import failure_map
@@ -219,12 +220,19 @@ def _replay(trace: Trace, first: RobotConfig, worlds: _Worlds) -> dict[str, Any]
         "weights": packed(weights[frames]),
         "paid": packed(paid[frames]),
         "people": None if not trace.people.size else _people(trace.people[frames]),
+        "legs": None if not trace.legs.size else _people(trace.legs[frames]),
+        "held": None if trace.reasons is None else _held(trace),
         "ranges": packed(np.minimum(ranges, robot.lidar.max_range_m), robot.lidar.max_range_m),
     }
 
 
+def _held(trace: Trace) -> list[list[Any]]:
+    """[from which time on, in s; for which reasons the supervisor changed the command], one after the other."""
+    return [[numbers(trace.time_s[step])[0], words] for step, words in spells(trace.reasons or ())]
+
+
 def _people(places: Array) -> dict[str, Any]:
-    """(F, P, 3) x, y and radius of each person in each frame."""
+    """(F, P, 3) x, y and radius of each person, or leg, in each frame."""
     return {
         "places": packed(places[:, :, :2].reshape(len(places), -1)),
         "radius_m": numbers(places[0, :, 2], 3),

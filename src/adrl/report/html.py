@@ -10,7 +10,7 @@ from adrl import files
 from adrl.report.document import document
 from adrl.report.source import Source
 
-SHARED = ("parts.js", "scene.js", "strips.js", "curves.js")
+SHARED = ("parts.js", "reasons.js", "scene.js", "strips.js", "curves.js")
 """Programs that adrl view draws with, too."""
 SCRIPTS = (*SHARED, "data.js", "table.js", "episode.js", "replay.js", "charts.js", "main.js")
 _SLOT = re.compile(r"<!-- slot: (\w+) -->")

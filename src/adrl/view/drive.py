@@ -11,7 +11,7 @@ from msgspec import structs
 from adrl.benchmarks.faults import FAULTS, Fault, lost, twist_is
 from adrl.errors import AdrlError, ConfigError, UnknownName
 from adrl.report.encode import obstacles, world_content
-from adrl.types import World
+from adrl.types import Array, World
 from adrl.view import messages
 from adrl.view.choices import Chosen, Offer, resolve
 from adrl.view.demonstrations import Recorder
@@ -19,6 +19,7 @@ from adrl.view.hand import ByHand
 from adrl.view.lane import Lane
 from adrl.view.messages import Choose, Message
 from adrl.view.pace import Pace
+from adrl.worlds.people import Crowd, Ground, one_more
 
 QUICK = {"Drop the scan": "scan dropped", "Slip the wheels": "wheels slip"}
 """Buttons of the page: what each says -> the fault it switches on."""
@@ -81,7 +82,7 @@ class Drive:
                 self.choose(message)
             case messages.Restart():
                 self._begin(self._chosen, self.choice)
-            case messages.Goal() | messages.Move() | messages.Pillar():
+            case messages.Goal() | messages.Move() | messages.Pillar() | messages.Person():
                 self._touch(message)
             case messages.Faulted():
                 self._set_fault(message.name)
@@ -97,7 +98,7 @@ class Drive:
             case _:
                 raise ConfigError("this page shows a drive, not a recording; reload it")
 
-    def _touch(self, message: messages.Goal | messages.Move | messages.Pillar) -> None:
+    def _touch(self, message: messages.Goal | messages.Move | messages.Pillar | messages.Person) -> None:
         """What a hand does in the world."""
         match message:
             case messages.Goal():
@@ -108,6 +109,17 @@ class Drive:
             case messages.Pillar():
                 circles = np.vstack([self._world.circles, [[message.x, message.y, PILLAR_M]]])
                 self._set_world(replace(self._world, circles=circles))
+            case messages.Person():
+                self._add_person(np.array([message.x, message.y]))
+
+    def _add_person(self, place: Array) -> None:
+        """The same one about every robot. Raises TaskError."""
+        people = self.lanes[0].task.people
+        rng = np.random.default_rng((self.choice.task, len(people)))
+        ground = Ground(self._world, self._chosen.robot, Crowd().radius_m[1])
+        people = one_more(people, place, ground, rng)
+        for lane in self.lanes:
+            lane.set_people(people)
 
     def choose(self, choice: Choose) -> None:
         """The drive begins anew with what is chosen. Raises AdrlError, and leaves all as it was."""

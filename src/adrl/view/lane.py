@@ -20,7 +20,7 @@ from adrl.observation import to_action
 from adrl.report.document import FIXED, robot_shape, shown_beams
 from adrl.report.encode import numbers, own_map
 from adrl.rewards import RewardConfig, reward_terms, weights
-from adrl.types import RobotConfig, Task, World
+from adrl.types import People, RobotConfig, Task, World
 from adrl.view.demonstrations import Recorder
 
 TIME, X, Y = 0, 1, 2
@@ -87,6 +87,11 @@ class Lane:
         """From now on this stands there. A known map says what it said."""
         self._change(replace(self.task, world=world))
         self._lines.see(world)
+
+    def set_people(self, people: People) -> None:
+        """From now on these walk: those who are there, and others after them."""
+        self.sim.set_people(0, people)
+        self.task = replace(self.task, people=people)
 
     def set_goal(self, goal: tuple[float, float]) -> None:
         """Drive there from the next period on."""
@@ -182,6 +187,7 @@ class Lane:
             "pose": numbers(sim.b["pose"][0]),
             "ranges": numbers(sim.b["ranges"][0][beams], 4),
             "people": numbers(sim.people(0), 4),
+            "legs": numbers(sim.legs(0), 4),
             "time_s": round(float(sim.b["time"][0]), 3),
             "goal": list(self.task.goal),
             "tolerance": self.task.goal_tolerance_m,

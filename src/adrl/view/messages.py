@@ -66,6 +66,13 @@ class Pillar(_Ask, frozen=True, tag="pillar"):
     y: Metres
 
 
+class Person(_Ask, frozen=True, tag="person"):
+    """One more person, who walks about from there."""
+
+    x: Metres
+    y: Metres
+
+
 class Faulted(_Ask, frozen=True, tag="fault"):
     """What goes wrong from now on: a name of adrl.benchmarks.faults.FAULTS."""
 
@@ -102,7 +109,7 @@ class Save(_Ask, frozen=True, tag="save"):
     """Write the demonstrations recorded so far."""
 
 
-Message = Choose | Restart | Goal | Move | Pillar | Faulted | Pace | Seek | Hand | Record | Save
+Message = Choose | Restart | Goal | Move | Pillar | Person | Faulted | Pace | Seek | Hand | Record | Save
 
 _DECODER = msgspec.json.Decoder(Message)
 

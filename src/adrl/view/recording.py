@@ -99,6 +99,7 @@ class Replay:
             "pose": numbers(recording.pose[i]),
             "ranges": numbers(recording.ranges[i][shown_beams(self._robot.lidar.num_beams)], 4),
             "people": [],
+            "legs": [],
             "time_s": round(float(recording.times_s[i] - begin_s), 3),
             "goal": goal,
             "tolerance": 0.3,

@@ -101,11 +101,11 @@ Walks = Callable[[np.random.Generator, Ground], Iterator[Array | None]]
 """Draws routes (W, 2) without end, None where a try came to nothing."""
 
 
-def anywhere(rng: np.random.Generator, ground: Ground) -> Iterator[Array | None]:
-    """From any place to any other, 3 m off or, in a small world, a third of its extent."""
+def anywhere(rng: np.random.Generator, ground: Ground, start: Array | None = None) -> Iterator[Array | None]:
+    """From any place, or the one given, to any other, 3 m off or, in a small world, a third of its extent."""
     least_m = min(3.0, float(ground.tasks.extents_m.max(initial=0.0)) / 3.0)
     while True:
-        a, b = ground.draw(rng), ground.draw(rng)
+        a, b = ground.draw(rng) if start is None else start, ground.draw(rng)
         yield ground.route(a, b) if math.dist(a, b) >= least_m else None
 
 
@@ -252,6 +252,23 @@ class _Placed:
             math.dist(place, route[0]) >= radius + row[0] + APART_M
             for route, row in zip(self.routes, self._rows, strict=True)
         )
+
+
+def one_more(people: People, place: Array, ground: Ground, rng: np.random.Generator) -> People:
+    """These people and one more, who walks to and fro between a place (2,) and another. Raises TaskError."""
+    crowd = Crowd(legs=people.legs)
+    routes = anywhere(rng, ground, place)
+    route = next((way for _, way in zip(range(TRIES), routes, strict=False) if way is not None), None)
+    if route is None:
+        x, y = place
+        raise TaskError(f"no person can walk from ({x:.2f}, {y:.2f}); take a place with more room")
+    drawn = {name: rng.uniform(*getattr(crowd, name)) for name in ("radius_m", "speed_mps", "reaction_s")} | {
+        "share": crowd.share,
+        "group": -1,
+    }
+    added = {name: np.append(getattr(people, name), value) for name, value in drawn.items()}
+    blind = None if people.blind is None else np.append(people.blind, False)
+    return replace(people, routes=(*people.routes, route), blind=blind, **added)
 
 
 def among_people(scenario: Scenario, count: int, share: float | None, legs: bool) -> Scenario:

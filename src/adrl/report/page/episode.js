@@ -4,7 +4,7 @@ function opened(replay) {
     replay.read = Object.fromEntries(
       ['pose', 'waypoint', 'twist', 'clearance', 'weights', 'paid', 'ranges'].map((name) => [name, unpack(replay[name])]),
     );
-    if (replay.people) replay.read.people = unpack(replay.people.places);
+    for (const name of ['people', 'legs']) if (replay[name]) replay.read[name] = unpack(replay[name].places);
   }
   return replay.read;
 }
@@ -15,13 +15,32 @@ function poseAt(replay, time) {
   return [0, 1, 2].map((k) => pose(frame, k) + part * (pose(next, k) - pose(frame, k)));
 }
 
-/** [x, y, radius] of the people at a time. */
-function peopleAt(replay, time) {
-  if (!replay.people) return [];
-  const { people } = opened(replay);
+/** [x, y, radius] of the people, or of their legs, at a time. */
+function bodiesAt(replay, name, time) {
+  if (!replay[name]) return [];
+  const places = opened(replay)[name];
   const { frame, next, part } = frameAt(replay, time);
-  const at = (k) => people(frame, k) + part * (people(next, k) - people(frame, k));
-  return replay.people.radius_m.map((radius, k) => [at(2 * k), at(2 * k + 1), radius]);
+  const at = (k) => places(frame, k) + part * (places(next, k) - places(frame, k));
+  return replay[name].radius_m.map((radius, k) => [at(2 * k), at(2 * k + 1), radius]);
+}
+
+/** What the supervisor changed the command for at a time, in words; null without a supervisor. reach: from the robot's centre to its edge. */
+function heldFor(replay, reach, time) {
+  if (!replay.held) return null;
+  const reasons = replay.held.findLast(([from]) => from <= time + 1e-6)?.[1] ?? [];
+  if (!reasons.length) return 'The supervisor lets the policy drive.';
+  const nearest = reasons.includes('obstacle') ? ` · nearest: ${nearestAt(replay, reach, time)}` : '';
+  return `Supervisor: ${inWords(reasons)}${nearest}`;
+}
+
+/** What is nearest to the robot. */
+function nearestAt(replay, reach, time) {
+  const { clearance } = opened(replay);
+  const [x, y] = poseAt(replay, time);
+  const away = Math.min(...bodiesAt(replay, 'people', time).map(([px, py, radius]) => Math.hypot(px - x, py - y) - radius - reach), Infinity);
+  const clear = clearance(frameAt(replay, time).frame, 0);
+  if (away <= clear + 0.1) return `a person at ${fixed(Math.max(away, 0), 2)} m`;
+  return clear < 1 ? `what stands at ${fixed(clear, 2)} m` : 'nothing within 1 m';
 }
 
 /** A square window in metres on all of a replay's way. */
@@ -47,7 +66,8 @@ function momentOf(evaluation, replay, { time, from = 0 }) {
   return {
     world: DATA.worlds[replay.world],
     time,
-    people: peopleAt(replay, time),
+    people: bodiesAt(replay, 'people', time),
+    legs: bodiesAt(replay, 'legs', time),
     shape: replay.robot_shape ?? evaluation.robot_shape,
     pose: poseAt(replay, time),
     trail: Array.from({ length: frame + 1 - first }, (_, i) => at(first + i)),

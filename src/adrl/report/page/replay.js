@@ -45,6 +45,7 @@ function buildReplay() {
     'li', { 'data-mark': name }, el('span', { class: `swatch ${kind}`, style: `background: var(--${name}); border-color: var(--${name})` }), text,
   )));
 
+  const held = el('p', { class: 'note small', id: 'held', hidden: true });
   const chips = el('ul', { class: 'chips' });
   const seekTo = (time) => { setPlaying(false); seek(time); };
   const strips = {
@@ -55,7 +56,7 @@ function buildReplay() {
   body.append(
     el('div', { class: 'controls' }, choice.element, previous, next, follow),
     el('div', { class: 'stage' },
-      el('div', { class: 'card' }, canvas, el('div', { class: 'transport' }, play, scrub, clock, speed.element), legend),
+      el('div', { class: 'card' }, canvas, el('div', { class: 'transport' }, play, scrub, clock, speed.element), held, legend),
       el('div', { class: 'side' }, chips, ...Object.values(strips).map((s) => s.element))),
   );
 
@@ -74,6 +75,9 @@ function buildReplay() {
     clock.textContent = `${fixed(state.time)} of ${fixed(end)} s`;
     canvas.dataset.frame = frameAt(state.replay, state.time).frame;
     follow.setAttribute('aria-pressed', String(state.follow));
+    const why = heldFor(state.replay, (state.replay.robot_shape ?? state.evaluation.robot_shape).reach_m, state.time);
+    held.hidden = why === null;
+    held.textContent = why ?? '';
     Object.values(strips).forEach((s) => s.at(state.time));
     redraw();
   }

@@ -1,6 +1,7 @@
 /**
  * A moment, from above: what the report's replays and adrl view draw. Lengths in metres, angles in radians.
  *   world: as encode.world_content makes it; time: in seconds, for the discs that move in it; people: [[x, y, radius], ...]
+ *   legs: [[x, y, radius], ...], what the LiDAR sees of people where it does not see their bodies
  *   shape: the robot's, as document.robot_shape makes it; pose: [x, y, yaw]; trail: [[x, y], ...] driven so far
  *   goal: [x, y] or null; tolerance; path: [[x, y], ...] of a known map
  *   waypoint: [x, y] or null; plan: [[x, y], ...] from the robot on, a straight line to the waypoint without one
@@ -56,12 +57,15 @@ function drawWorld(context, world, px, time, redraw) {
   discs.forEach((disc) => shape(() => context.arc(...discPlace(disc, time), disc[4], 0, 2 * Math.PI)));
 }
 
-/** A body with a head, unlike a disc that moves. */
-function drawPerson(context, [x, y, radius]) {
+/** A body with a head, unlike a disc that moves; above legs only its outline. */
+function drawPerson(context, [x, y, radius], px, onLegs) {
   context.fillStyle = colour('moving');
+  context.strokeStyle = colour('moving');
+  context.lineWidth = 1.5 * px;
   context.beginPath();
   context.arc(x, y, radius, 0, 2 * Math.PI);
-  context.fill();
+  if (onLegs) context.stroke();
+  else context.fill();
   context.fillStyle = colour('ink');
   context.beginPath();
   context.arc(x, y, 0.4 * radius, 0, 2 * Math.PI);
@@ -152,7 +156,13 @@ function drawScene(context, width, height, moment, { view, redraw = () => {}, ov
     context.globalAlpha = 1;
   }
   drawWorld(context, moment.world, px, moment.time, redraw);
-  moment.people.forEach((person) => drawPerson(context, person));
+  moment.people.forEach((person) => drawPerson(context, person, px, moment.legs.length > 0));
+  context.fillStyle = colour('moving');
+  moment.legs.forEach(([x, y, radius]) => {
+    context.beginPath();
+    context.arc(x, y, radius, 0, 2 * Math.PI);
+    context.fill();
+  });
   context.strokeStyle = colour('muted');
   context.lineWidth = 1.4 * px;
   context.setLineDash([1.5 * px, 4 * px]);

@@ -141,9 +141,15 @@ function buildPlace() {
     const [x, y, yaw] = stage.lanes[0].now.pose;
     ask({ do: 'pillar', x: x + 1.2 * Math.cos(yaw), y: y + 1.2 * Math.sin(yaw) });
   } }, 'Put a pillar before the robot');
-  document.getElementById('place').append(el('div', { class: 'controls' }, pillar), el('p', { class: 'note small' },
+  const person = el('button', { type: 'button', class: 'button', id: 'person', onclick: () => {
+    const lane = stage.lanes[0];
+    if (!lane.now) return;
+    const [x, y] = lane.now.goal ?? lane.now.pose;
+    ask({ do: 'person', x, y });
+  } }, 'Let a person come from the goal');
+  document.getElementById('place').append(el('div', { class: 'controls' }, pillar, person), el('p', { class: 'note small' },
     'Click for a goal, drag an obstacle. By keyboard: Tab to the picture, arrows move the crosshair, ', el('kbd', {}, 'Enter'), ' sets the goal, ',
-    el('kbd', {}, 'Space'), ' takes or drops an obstacle, ', el('kbd', {}, 'P'), ' puts a pillar.'));
+    el('kbd', {}, 'Space'), ' takes or drops an obstacle, ', el('kbd', {}, 'P'), ' puts a pillar, ', el('kbd', {}, 'O'), ' lets a person walk from there.'));
 }
 
 function buildFaults() {

@@ -1,14 +1,3 @@
-const REASONS = {
-  no_scan: 'no scan has come', scan_stale: 'the last scan is too old', scan_invalid: 'the scan cannot be used', scan_sparse: 'too few beams tell anything',
-  scan_frozen: 'the scan does not change', scan_late: 'scans come late, which is reckoned with', scan_empty: 'nothing is within reach',
-  mount: 'the LiDAR seems to be mounted otherwise', no_odometry: 'no odometry has come', odometry_stale: 'the odometry is too old',
-  odometry_invalid: 'the odometry cannot be used', odometry_frozen: 'the odometry does not change', odometry_jumped: 'the odometry has jumped',
-  odometry_late: 'the odometry comes late, which is reckoned with', odometry_contradicts: 'speeds and poses of the odometry do not agree',
-  not_localised: 'the place on the map is not known', clock_jumped: 'the clock has jumped', clock_stopped: 'the clock stands',
-  command_invalid: 'the policy gave no number', command_late: 'the command took too long', base_late: 'the base acts late, which is reckoned with',
-  base_weak: 'the base accelerates less than it should', limited: 'slowed to what the base can do', unseen: 'it does not see where it would drive',
-  obstacle: 'slowed or held for an obstacle', recovering: 'it frees itself',
-};
 const STATUS = { idle: 'no goal', driving: 'driving', reached: 'at the goal', stopped: 'held', failed: 'no way to the goal', collision: 'collision' };
 const [TIME, X, Y, YAW, SPEED, TURN, CLEARANCE, WEIGHTS] = [0, 1, 2, 3, 4, 5, 6, 7];
 const SHOWN_ROWS = 600;
@@ -61,7 +50,7 @@ function buildLane(about, index, setup) {
   lane.moment = () => {
     const { now } = lane;
     return {
-      world: stage.world, time: now.time_s, people: groups(now.people, 3), shape: about.shape, pose: lane.pose(), trail: lane.trail.slice(0, -1),
+      world: stage.world, time: now.time_s, people: groups(now.people, 3), legs: groups(now.legs, 3), shape: about.shape, pose: lane.pose(), trail: lane.trail.slice(0, -1),
       goal: now.goal, tolerance: now.tolerance, path: groups(now.path, 2), waypoint: now.waypoint,
       plan: now.plan.length ? [lane.pose(), ...groups(now.plan, 2).slice(1)] : null,
       scan: now.ranges.length ? { pose: now.pose, ranges: (k) => now.ranges[k] ?? about.shape.max_range_m } : null, map: lane.map, ending: now.status === 'collision' ? 'collision' : null,
@@ -97,7 +86,7 @@ function buildLane(about, index, setup) {
     const name = now.status === 'idle' && now.arrived ? 'reached' : now.status;
     status.dataset.status = name;
     status.querySelector('strong').textContent = STATUS[name] ?? name;
-    const why = [now.message, ...now.reasons.map((reason) => `${reason}: ${REASONS[reason] ?? ''}`)].filter(Boolean).join(' · ');
+    const why = [now.message, inWords(now.reasons)].filter(Boolean).join(' · ');
     if (status.querySelector('.why').textContent !== why) status.querySelector('.why').textContent = why;
     time.textContent = `${fixed(now.time_s)} s`;
     canvas.setAttribute('aria-label', `${about.label}, ${STATUS[name] ?? name}, at ${fixed(now.pose[0])}, ${fixed(now.pose[1])} m${now.goal ? `, goal ${fixed(now.goal[0])}, ${fixed(now.goal[1])} m` : ''}. Arrow keys move the crosshair.`);

@@ -134,6 +134,7 @@ function steerable(lane, index) {
     } else if (event.key === 'Enter') ask({ do: 'goal', x: state.cross[0], y: state.cross[1] });
     else if (event.key === ' ') state.held = state.held ? null : obstacleAt(lane, { x: state.cross[0], y: state.cross[1], scale });
     else if (event.key === 'p') ask({ do: 'pillar', x: state.cross[0], y: state.cross[1] });
+    else if (event.key === 'o') ask({ do: 'person', x: state.cross[0], y: state.cross[1] });
     else return;
     event.preventDefault();
     lane.redraw();
