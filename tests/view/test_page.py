@@ -277,6 +277,38 @@ def test_a_person_drives_records_and_saves(tab: Tab, server: Served) -> None:
     expect(page.locator("#take-wheel")).to_have_text("Take the wheel")
 
 
+def test_a_person_walks_in_on_the_way(tab: Tab, server: Served) -> None:
+    tab.page.get_by_role("button", name="Let a person come from the goal").click()
+    wait_until(lambda: len(truth(server, "frame")["lanes"][0]["people"]) == 3, PATIENCE_MS / 1000)
+    tab.page.locator("canvas.world").focus()
+    for _ in range(9):
+        tab.page.keyboard.press("ArrowDown")
+    tab.page.keyboard.press("o")
+    wait_until(lambda: len(truth(server, "frame")["lanes"][0]["people"]) == 6, PATIENCE_MS / 1000)
+
+
+def test_a_gamepad_drives(tab: Tab, server: Served) -> None:
+    """Stick forwards: the robot drives on; let go: it stands."""
+    page = tab.page
+    page.evaluate(
+        "() => { window.stick = [0, 0, 0, 0]; navigator.getGamepads = () => [null, { axes: window.stick }]; }"
+    )
+    page.locator("#take-wheel").click()
+    expect(page.locator("#take-wheel")).to_have_text("Let the policy drive")
+
+    def twist() -> list[float]:
+        return truth(server, "frame")["lanes"][0]["twist"]
+
+    page.evaluate("window.stick = [-1, 0, 0, 0]")
+    wait_until(lambda: twist()[1] > 0.1, PATIENCE_MS / 1000)  # to the left
+    page.evaluate("window.stick = [0, 0, 1, 0]")  # the right stick turns it, too
+    wait_until(lambda: twist()[1] < -0.1, PATIENCE_MS / 1000)
+    page.evaluate("window.stick = [0.05, -0.05, 0.05, 0]")  # in the dead zone
+    wait_until(lambda: twist() == [0.0, 0.0], PATIENCE_MS / 1000)
+    page.locator("#take-wheel").click()
+    expect(page.locator("#take-wheel")).to_have_text("Take the wheel")
+
+
 def test_two_policies_drive_side_by_side(tab: Tab) -> None:
     choose(tab, policy="default", second="jackal", robot="diffbot")
     tab.moves_on()
