@@ -66,6 +66,32 @@ def test_no_command_leads_to_a_collision(robot: RobotConfig, seed: int, lasting:
     assert driven_m.mean() > 0.3
 
 
+def test_what_it_brakes_for_is_told_where_it_stands_and_nothing_else():
+    """A wall across the way in the odometry's frame, and one as near beside it; the robot looks along y."""
+    supervisor, lidar = Supervisor(DIFFBOT), DIFFBOT.lidar
+    angles = lidar.angles_rad
+    ahead = np.where(np.abs(angles) < 1.0, 0.35 / np.maximum(np.cos(angles), 0.5), 4.0)
+    ranges = np.where(np.abs(angles - 0.5 * math.pi) < 0.4, 0.35, ahead)
+    at, now_s = (1.0, 2.0, 0.5 * math.pi), 10.0
+    scan = Scan(
+        ranges=ranges,
+        angle_min_rad=lidar.angle_min_rad,
+        angle_increment_rad=lidar.angle_increment_rad,
+        range_max_m=lidar.max_range_m,
+        stamp_s=now_s,
+    )
+    odometry = Odometry(pose=at, twist=(0.5, 0.0), stamp_s=now_s)
+    assert len(supervisor.braked_for()) == 0
+    assert supervisor.watch(scan, odometry, now_s) == ()
+    _, reasons = supervisor.limit((DIFFBOT.max_speed_mps, 0.0), now_s)
+    assert "obstacle" in reasons
+    hits = supervisor.braked_for()
+    assert hits[:, 1] == pytest.approx(2.35, abs=0.05)
+    assert np.abs(hits[:, 0] - 1.0).max() < DIFFBOT.circumscribed_radius_m + 0.1
+    supervisor.stop(now_s)
+    assert len(supervisor.braked_for()) == 0
+
+
 def test_without_the_supervisor_they_collide():
     """So the test above can fail."""
 

@@ -30,17 +30,18 @@ def require_ros2() -> Path:
     return ros2_python()
 
 
+def require_ros1() -> Path:
+    """Its Python."""
+    there = (DIST_PACKAGES / "rospy").is_dir() and shutil.which("rosmaster")
+    require(there, "no ROS 1; on Debian: apt-get install python3-rospy python3-rosmaster")
+    return Path(sys.executable)
+
+
 @pytest.fixture(params=["ros2", "ros1"])
 def ros(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Ros]:
     """A generation of ROS."""
-    if request.param == "ros2":
-        require_ros2()
-    else:
-        there = (DIST_PACKAGES / "rospy").is_dir() and shutil.which("rosmaster")
-        require(there, "no ROS 1; on Debian: apt-get install python3-rospy python3-rosmaster")
-    generation = 2 if request.param == "ros2" else 1
-    python = ros2_python() if generation == 2 else Path(sys.executable)
-    running = Ros(generation, python, tmp_path)
+    python = require_ros2() if request.param == "ros2" else require_ros1()
+    running = Ros(2 if request.param == "ros2" else 1, python, tmp_path)
     yield running
     running.close()
 

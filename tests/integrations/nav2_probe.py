@@ -9,9 +9,6 @@ what came of it, and what topics said.
 
 import json
 import sys
-import threading
-from queue import Empty as NothingThere
-from queue import SimpleQueue
 from typing import Any
 
 import rclpy  # pyright: ignore
@@ -21,6 +18,7 @@ from lifecycle_msgs.srv import ChangeState  # pyright: ignore
 from nav2_msgs.action import FollowPath, NavigateToPose  # pyright: ignore
 from nav2_msgs.msg import SpeedLimit  # pyright: ignore
 from nav_msgs.msg import Odometry  # pyright: ignore
+from probe_lines import lines_while
 from rclpy.action import ActionClient  # pyright: ignore
 from rclpy.qos import DurabilityPolicy, QoSProfile  # pyright: ignore
 from std_msgs.msg import UInt32  # pyright: ignore
@@ -114,22 +112,7 @@ def main() -> None:
     node.create_subscription(UInt32, "collisions", lambda m: say("collisions", count=m.data), latched)
     node.create_subscription(Odometry, "odom", on_odometry, 50)
     node.create_subscription(Status, "bond", lambda m: say("bond", id=m.id, active=m.active), 50)
-    lines: SimpleQueue[str] = SimpleQueue()
-
-    def read() -> None:
-        for line in sys.stdin:
-            lines.put(line)
-        lines.put("")
-
-    threading.Thread(target=read, daemon=True).start()
-    while True:
-        rclpy.spin_once(node, timeout_sec=0.01)
-        try:
-            line = lines.get_nowait()
-        except NothingThere:
-            continue
-        if not line:
-            return
+    for line in lines_while(lambda: rclpy.spin_once(node, timeout_sec=0.01)):
         order = json.loads(line)
         if "change" in order:
             assert states.wait_for_service(PATIENCE_S), "no controller"

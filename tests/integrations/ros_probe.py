@@ -13,8 +13,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from queue import Empty as NothingThere
-from queue import SimpleQueue
 from typing import Any
 
 ASK = json.loads(sys.argv[1])
@@ -28,10 +26,12 @@ from geometry_msgs.msg import (  # noqa: E402  # pyright: ignore
     Twist,
     TwistStamped,
 )
-from nav_msgs.msg import Odometry, Path  # noqa: E402  # pyright: ignore
+from nav_msgs.msg import OccupancyGrid, Odometry, Path  # noqa: E402  # pyright: ignore
+from probe_lines import lines_while  # noqa: E402
 from rosgraph_msgs.msg import Clock  # noqa: E402  # pyright: ignore
 from sensor_msgs.msg import LaserScan  # noqa: E402  # pyright: ignore
 from std_msgs.msg import Empty, UInt32  # noqa: E402  # pyright: ignore
+from visualization_msgs.msg import MarkerArray  # noqa: E402  # pyright: ignore
 
 LOCK = threading.Lock()
 RELAYED = {"scan": LaserScan, "odom": Odometry, "amcl_pose": PoseWithCovarianceStamped, "/clock": Clock}
@@ -122,6 +122,20 @@ def on_plan(message: Any) -> None:
     say("plan", points=len(message.poses), frame=message.header.frame_id)
 
 
+def on_markers(message: Any) -> None:
+    shown = {marker.ns: marker for marker in message.markers if marker.action == 0}
+    frames = {name: marker.header.frame_id for name, marker in shown.items()}
+    points = {name: [(at.x, at.y) for at in marker.points] for name, marker in shown.items()}
+    say("markers", frames=frames, points=points, text="".join(marker.text for marker in shown.values()))
+
+
+def on_map(message: Any) -> None:
+    info, cells = message.info, list(message.data)
+    corner = [info.origin.position.x, info.origin.position.y]
+    size = [info.width, info.height]
+    say("map", frame=message.header.frame_id, size=size, corner=corner, cell_m=info.resolution, cells=cells)
+
+
 def on_collisions(message: Any) -> None:
     say("collisions", count=message.data)
 
@@ -132,6 +146,8 @@ LISTEN = {
     "odom": (Odometry, on_odometry),
     "cmd_vel": (TwistStamped if ASK["stamped"] else Twist, on_command),
     "plan": (Path, on_plan),
+    "adrl/markers": (MarkerArray, on_markers),
+    "adrl/map": (OccupancyGrid, on_map),
 }
 ALWAYS = ("adrl/status", "collisions")
 TOPICS = {topic: what for topic, what in LISTEN.items() if topic in ALWAYS or topic in ASK["watch"]}
@@ -203,22 +219,7 @@ def probe_ros2() -> None:
     relay = Relay({t: node.create_publisher(kind, where(t), qos[t]).publish for t, kind in relayed.items()})
     for topic, kind in relayed.items():
         node.create_subscription(kind, topic, lambda m, t=topic: relay.take(t, m), qos[topic])
-    lines: SimpleQueue[str] = SimpleQueue()
-
-    def read() -> None:
-        for line in sys.stdin:
-            lines.put(line)
-        lines.put("")
-
-    threading.Thread(target=read, daemon=True).start()
-    while True:
-        rclpy.spin_once(node, timeout_sec=0.01)
-        try:
-            line = lines.get_nowait()
-        except NothingThere:
-            continue
-        if not line:
-            return
+    for line in lines_while(lambda: rclpy.spin_once(node, timeout_sec=0.01)):
         obey(line, goals, cancels, relay)
 
 

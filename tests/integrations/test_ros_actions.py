@@ -56,7 +56,7 @@ class Goal:
     def tell(self, feedback: Any) -> None:
         assert not self.ends
 
-    def end(self, how: End, result: Any) -> None:
+    def end(self, how: End, result: Any, message: str) -> None:
         self.ends.append(("canceled" if self.cancel_is_wanted else how, result[0]))
 
 

@@ -8,6 +8,7 @@ It knows nothing of policies; any source of commands may be put behind it. Once 
 
 import logging
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -20,6 +21,7 @@ from adrl.deploy.reckoning import STANDSTILL, Reckoning
 from adrl.deploy.scan_reader import ScanReader
 from adrl.deploy.surroundings import Surroundings
 from adrl.deploy.watch import SensorWatch
+from adrl.geometry import in_world_frame
 from adrl.ranges import Range, check_ranges
 from adrl.types import Array, RobotConfig
 
@@ -107,6 +109,9 @@ class Supervisor:
         self._alignment = Alignment(robot, mount)
         self._beams = BeamWatch(mount)
         self._told: tuple[str, ...] = ()
+        self._slowed: tuple[Pose, Callable[[Array], bool], Array] | None = None
+        """Where the robot was when its command was slowed or stopped for what stands about, whether the command wanted
+        passes some of that, and all of it (M, 3), seen from there."""
         self._now_s = -math.inf
         self._looked_s = -math.inf
         """Stamp of the last scan whose hits the surroundings hold."""
@@ -163,11 +168,12 @@ class Supervisor:
 
     def stop(self, now_s: float, reasons: tuple[Reason, ...] = ()) -> tuple[Twist, tuple[Reason, ...]]:
         """Stand still. Returns what was sent, and the reasons as they are."""
+        self._slowed = None
         return self._send(STANDSTILL, reasons, now_s)
 
     def stand_by(self, now_s: float, reasons: tuple[Reason, ...] = ()) -> tuple[Twist, tuple[Reason, ...]]:
         """Another drives the base, nothing is sent. What it was told is not known; what it does stands for that."""
-        known = self._sensors.odometry
+        known, self._slowed = self._sensors.odometry, None
         _, reasons = self._send(known[-1].twist if known else STANDSTILL, reasons, now_s)
         return STANDSTILL, reasons
 
@@ -201,12 +207,21 @@ class Supervisor:
         chosen = next(
             (choice for choice in choices if self._can_stop(choice, twist, pending, hits, moving)), STANDSTILL
         )
-        self.waits = False
+        self.waits, self._slowed = False, None
         if chosen != command:
             reasons.append("obstacle")
-            still = around.still_from(pose)
-            self.waits = len(moving) > 0 and self._can_stop(command, twist, pending, still, moving[:0])
+            nobody, still = moving[:0], around.still_from(pose)
+            self.waits = len(moving) > 0 and self._can_stop(command, twist, pending, still, nobody)
+            self._slowed = (pose, lambda some: self._can_stop(command, twist, pending, some, nobody), hits)
         return self._send(chosen, tuple(reasons), now_s)
+
+    def braked_for(self) -> Array:
+        """(M, 2) in the odometry's frame: of what is known to stand about, that which the last command is slowed or
+        stopped for; none where it is not."""
+        if self._slowed is None:
+            return np.empty((0, 2))
+        pose, passes, hits = self._slowed
+        return in_world_frame(np.array(pose), _in_the_way(hits, passes)[:, :2])
 
     @property
     def gently(self) -> Twist:
@@ -306,3 +321,13 @@ class Supervisor:
         late_s = self._alignment.late_s
         clears = not self._alignment.doubtful
         self._surroundings.take(self._sensors.scan, first, last, late_s=late_s, clears=clears)
+
+
+def _in_the_way(hits: Array, passes: Callable[[Array], bool]) -> Array:
+    """(M, 3) those of some hits that each by itself is reason to brake: by halves, as most are not."""
+    if len(hits) == 0 or passes(hits):
+        return hits[:0]
+    if len(hits) == 1:
+        return hits
+    half = len(hits) // 2
+    return np.concatenate([_in_the_way(hits[:half], passes), _in_the_way(hits[half:], passes)])

@@ -40,8 +40,8 @@ class Handle(Protocol):
         """Publish feedback."""
         ...
 
-    def end(self, how: End, result: Any) -> None:
-        """It is over."""
+    def end(self, how: End, result: Any, message: str) -> None:
+        """It is over. message: why, for people."""
         ...
 
 
@@ -128,4 +128,4 @@ class Actions:
     def _end(self, how: End, code: int, message: str) -> None:
         handle, self._handle = self._handle, None
         assert handle is not None
-        handle.end(how, self._task.result(code, message))
+        handle.end(how, self._task.result(code, message), message)

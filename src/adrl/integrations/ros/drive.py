@@ -15,6 +15,7 @@ from adrl.deploy.frames import Frames
 from adrl.errors import GoalRefused, TransformError
 from adrl.geometry import yaw_of
 from adrl.integrations.ros.config import DriveConfig, RuntimeConfig
+from adrl.integrations.ros.display import Display, displays
 from adrl.integrations.ros.messages import new_message, odometry_of, point_of, pose_of
 from adrl.integrations.ros.outbox import Outbox, Publish
 from adrl.integrations.ros.sensor import Sensor
@@ -45,7 +46,7 @@ def publications(config: RuntimeConfig) -> dict[str, str]:
         "cmd_vel": command,
         "plan": "nav_msgs/msg/Path",
         "adrl/status": "diagnostic_msgs/msg/DiagnosticArray",
-    }
+    } | displays()
 
 
 class DriveTopics:
@@ -60,11 +61,13 @@ class DriveTopics:
         seconds: Callable[[Any], float],
         header: Callable[[float, str], Any],
         simulated: bool,
+        heard: Callable[[str], bool] = lambda topic: True,
         new: New = new_message,
         wall_s: Callable[[], float] = time.monotonic,
     ) -> None:
         """publish: of the publications. now_s: the node's clock, simulated if use_sim_time says so; wall_s: one that
-        nobody sets; seconds: of a stamp; header: of a stamp and a frame; new: makes messages. Raises AdrlError."""
+        nobody sets; seconds: of a stamp; header: of a stamp and a frame; heard: whether anybody listens to a topic;
+        new: makes messages. Raises AdrlError."""
         self._config = config
         self.frames = Frames(tolerance_s=config.transform_tolerance)
         """Where frames are in each other, as transforms tell."""
@@ -76,9 +79,12 @@ class DriveTopics:
         """Called with each report, and when it is of, after what it says has been published."""
         self.active = True
         """Whether commands are published at all."""
+        self.open = True
+        """Whether anything is: not once the publishers are no more, whatever is still on its way."""
         self._outbox = Outbox(
             config, navigator.robot.name, publish, header, new, wall_s, navigator.other_robot
         )
+        self._display = Display(config, publish, heard, header, new, wall_s)
         self._now_s, self._seconds, self._wall_s = now_s, seconds, wall_s
         self._simulated = simulated
         self._clock = (-math.inf, wall_s())
@@ -172,9 +178,12 @@ class DriveTopics:
         self._publish(report, now_s)
 
     def _publish(self, report: Report, now_s: float) -> None:
+        if not self.open:
+            return
         self._outbox.deliver(report if self.active else replace(report, send=False), now_s)
         for heed in self.heed:
             heed(report, now_s)
+        self._display.show(self.driver, report, now_s)
 
     def _take_odometry(self, message: Any) -> None:
         odometry = odometry_of(message, self._stamp_s("odom", message.header))

@@ -75,20 +75,20 @@ def status_message(new: New, report: Report, hardware: str, header: Any, policy:
         STATUS,
         level=level,
         name="adrl: navigation",
-        message=report.message or ", ".join(filter(None, (_doing(report), values["reasons"]))),
+        message=status_words(report),
         hardware_id=hardware,
         values=[new("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in values.items()],
     )
     return new("diagnostic_msgs/msg/DiagnosticArray", header=header, status=[status])
 
 
-def _doing(report: Report) -> str:
-    """In words, with the goal in its frame."""
-    status = report.command.status
-    if report.goal is None:
-        return status
-    x, y = report.goal
-    return f"{status} on the way to ({x:.2f}, {y:.2f}) in {report.goal_frame}"
+def status_words(report: Report) -> str:
+    """What the node does, with the goal in its frame, and why; where a goal failed or was refused, why that."""
+    words: str = report.command.status
+    if report.goal is not None:
+        x, y = report.goal
+        words += f" on the way to ({x:.2f}, {y:.2f}) in {report.goal_frame}"
+    return report.message or ", ".join((words, *report.command.reasons))
 
 
 def status_values(report: Report) -> dict[str, str]:

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from adrl.errors import MissingExtra
 from adrl.integrations.ros.config import Config, with_parameters
 from adrl.integrations.ros.messages import message_class
 from adrl.integrations.ros.outbox import Publish, log_to
+from adrl.integrations.ros.transforms import TF
 
 DIST_PACKAGES = Path("/usr/lib/python3/dist-packages")
 """Where Debian and Ubuntu install rospy; a virtual environment does not look there."""
@@ -38,6 +40,16 @@ def import_rospy() -> Any:
             f"ROS 1 is not on this machine ({error}): source its setup.bash, or on Debian apt-get install {PACKAGES}"
         ) from None
     return rospy
+
+
+def require(*packages: str) -> None:
+    """Raises MissingExtra where modules of ROS are missing."""
+    for package in packages:
+        try:
+            import_module(package)
+        except ImportError as error:
+            name = package.replace("_", "-")
+            raise MissingExtra(f"{error}: on Debian apt-get install python3-{name}") from None
 
 
 @contextmanager
@@ -82,9 +94,16 @@ def before_shutdown(rospy: Any, call: Callable[[], None]) -> None:
 
 def publisher(rospy: Any, topic: str, kind: str, *, latched: bool = False) -> Publish:
     """Publishes on a topic; nothing once the node is shutting down."""
-    topic_publisher = rospy.Publisher(
-        topic, message_class(kind), queue_size=1, latch=latched, tcp_nodelay=True
-    )
+    return publishing(rospy, create_publisher(rospy, topic, kind, latched=latched))
+
+
+def create_publisher(rospy: Any, topic: str, kind: str, *, latched: bool = False) -> Any:
+    """rospy's."""
+    return rospy.Publisher(topic, message_class(kind), queue_size=1, latch=latched, tcp_nodelay=True)
+
+
+def publishing(rospy: Any, topic_publisher: Any) -> Publish:
+    """Its publish(), but for the time when the node is shutting down."""
 
     def publish(message: Any) -> None:
         try:
@@ -98,7 +117,9 @@ def publisher(rospy: Any, topic: str, kind: str, *, latched: bool = False) -> Pu
 
 def subscribe(rospy: Any, topic: str, kind: str, take: Callable[[Any], None]) -> None:
     """Have a topic's messages taken."""
-    rospy.Subscriber(topic, message_class(kind), take, queue_size=1, tcp_nodelay=True)
+    # Of transforms each counts, of the rest the newest.
+    depth = 100 if topic in TF else 1
+    rospy.Subscriber(topic, message_class(kind), take, queue_size=depth, tcp_nodelay=True)
 
 
 class Alone:

@@ -35,7 +35,7 @@ class GoalHandle:
         """See Handle."""
         self._theirs.publish_feedback(feedback)
 
-    def end(self, how: End, result: Any) -> None:
+    def end(self, how: End, result: Any, message: str) -> None:
         """See Handle. One that is being cancelled cannot be aborted any more."""
         if self._theirs.is_cancel_requested:
             self._theirs.canceled()

@@ -19,6 +19,7 @@ class Bond:
         self._status = Status
         self._node, self._period_s = node, period_s
         self._instance = str(uuid.uuid4())
+        self._broken = False
         self._publisher = node.create_publisher(Status, "bond", 5)
         self._subscription = node.create_subscription(Status, "bond", self._take, 100)
         self._timer = node.create_timer(period_s, self._live, clock=ros.steady_clock())
@@ -27,6 +28,7 @@ class Bond:
     def break_off(self) -> None:
         """Say so, and be silent."""
         self._say(alive=False)
+        self._broken = True
         self._node.destroy_timer(self._timer)
         self._node.destroy_subscription(self._subscription)
         self._node.destroy_publisher(self._publisher)
@@ -34,12 +36,13 @@ class Bond:
     def _take(self, status: Any) -> None:
         """The other end lets go, and waits to hear the same."""
         theirs = status.id == self._node.get_name() and status.instance_id != self._instance
-        if theirs and not status.active:
+        if theirs and not status.active and not self._broken:
             self._timer.cancel()
             self._say(alive=False)
 
     def _live(self) -> None:
-        self._say(alive=True)
+        if not self._broken:  # the executor may call once more for a timer that is no more
+            self._say(alive=True)
 
     def _say(self, *, alive: bool) -> None:
         self._publisher.publish(

@@ -18,7 +18,7 @@ from adrl.integrations.ros.follow_path import ACTION, FollowPath, Plugins
 from adrl.integrations.ros2 import node as ros
 from adrl.integrations.ros2.action_server import serve
 from adrl.integrations.ros2.bond import Bond
-from adrl.integrations.ros2.drive import subscribe_all
+from adrl.integrations.ros2.drive import drive_topics, subscribe_all
 
 LOG = logging.getLogger("adrl.driver")
 
@@ -108,24 +108,12 @@ class Controller(LifecycleNode):
     def _configure(self) -> None:
         self.config = config = ros.configure(self, self.config)
         plugins = Plugins.of(ros.reader(self))
-        publish = {}
+        publishers = {}
         for topic, kind in publications(config).items():
             publisher = ros.create_publisher(self, topic, kind, latched=topic in LATCHED)
             self._made.append((self.destroy_publisher, publisher))
-            publish[topic] = publisher.publish
-        clock = self.get_clock()
-
-        def now_s() -> float:
-            return 1e-9 * clock.now().nanoseconds
-
-        topics = DriveTopics(
-            config,
-            publish,
-            now_s=now_s,
-            seconds=ros.seconds,
-            header=ros.header,
-            simulated=bool(self.get_parameter("use_sim_time").value),
-        )
+            publishers[topic] = publisher
+        topics = drive_topics(self, config, publishers)
         topics.active = False
         self._made += [(self.destroy_subscription, one) for one in subscribe_all(self, topics)]
         limit = ros.subscribe(
@@ -134,11 +122,13 @@ class Controller(LifecycleNode):
         timer = self.create_timer(topics.tick_s, topics.tick, clock=ros.steady_clock())
         self._made += [(self.destroy_subscription, limit), (self.destroy_timer, timer)]
         self._actions = Actions(topics, FollowPath(config, plugins, topics))
-        server = serve(self, ACTION, "follow_path", self._actions, now_s, lambda: topics.active)
+        server = serve(self, ACTION, "follow_path", self._actions, ros.clock_of(self), lambda: topics.active)
         self._made.append((lambda server: server.destroy(), server))
         self._topics = topics
 
     def _clean_up(self) -> None:
+        if self._topics is not None:
+            self._topics.open = False
         for destroy, made in reversed(self._made):
             destroy(made)
         self._made.clear()

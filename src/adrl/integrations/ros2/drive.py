@@ -1,12 +1,12 @@
 """adrl ros2 drive: a node that drives a robot to the goals it gets."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from adrl.errors import MissingExtra
 from adrl.integrations.ros.actions import Actions
-from adrl.integrations.ros.config import DriveConfig
+from adrl.integrations.ros.config import DriveConfig, RuntimeConfig
 from adrl.integrations.ros.drive import LATCHED, NAME, DriveTopics, publications
 from adrl.integrations.ros.navigate import ACTION, NavigateToPose
 from adrl.integrations.ros2 import node as ros
@@ -25,28 +25,16 @@ def drive(config: DriveConfig, ros_arguments: Sequence[str]) -> None:
         config = ros.configure(node, config)
         if config.source == "tf":
             ros.require("tf2_msgs")
-        publish = {
-            topic: ros.publisher(node, topic, kind, latched=topic in LATCHED)
+        publishers = {
+            topic: ros.create_publisher(node, topic, kind, latched=topic in LATCHED)
             for topic, kind in publications(config).items()
         }
-        clock = node.get_clock()
-
-        def now_s() -> float:
-            return 1e-9 * clock.now().nanoseconds
-
-        topics = DriveTopics(
-            config,
-            publish,
-            now_s=now_s,
-            seconds=ros.seconds,
-            header=ros.header,
-            simulated=bool(node.get_parameter("use_sim_time").value),
-        )
+        topics = drive_topics(node, config, publishers)
         subscribe_all(node, topics)
         task = NavigateToPose(topics, ros.header, config.map_frame, turns=config.goal_yaw)
         try:
             ros.require("nav2_msgs")
-            serve(node, ACTION, "navigate_to_pose", Actions(topics, task), now_s, lambda: True)
+            serve(node, ACTION, "navigate_to_pose", Actions(topics, task), ros.clock_of(node), lambda: True)
         except MissingExtra as missing:
             LOG.info("without the action navigate_to_pose: %s", missing)
         node.create_timer(topics.tick_s, topics.tick, clock=ros.steady_clock())
@@ -54,6 +42,19 @@ def drive(config: DriveConfig, ros_arguments: Sequence[str]) -> None:
             ros.spin(node)
         finally:
             topics.stop()
+
+
+def drive_topics(node: Any, config: RuntimeConfig, publishers: Mapping[str, Any]) -> DriveTopics:
+    """What a driving node does, by rclpy's clock, stamps and publishers. Raises AdrlError."""
+    return DriveTopics(
+        config,
+        {topic: publisher.publish for topic, publisher in publishers.items()},
+        heard=lambda topic: publishers[topic].get_subscription_count() > 0,
+        now_s=ros.clock_of(node),
+        seconds=ros.seconds,
+        header=ros.header,
+        simulated=bool(node.get_parameter("use_sim_time").value),
+    )
 
 
 def subscribe_all(node: Any, topics: DriveTopics) -> list[Any]:

@@ -138,6 +138,12 @@ def header(stamp_s: float, frame: str) -> Any:
     return Header(stamp=Time(sec=whole, nanosec=nanoseconds), frame_id=frame)
 
 
+def clock_of(node: Any) -> Callable[[], float]:
+    """Tells the node's time, s."""
+    clock = node.get_clock()
+    return lambda: 1e-9 * clock.now().nanoseconds
+
+
 def steady_clock() -> Any:
     """That no one sets."""
     return Clock(clock_type=ClockType.STEADY_TIME)
