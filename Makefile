@@ -20,7 +20,7 @@ DEV := $(VENV)/.dev
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 .NOTPARALLEL:
-.PHONY: help setup machine build ros2 test test-fast check test-core tables docs format demo wheel clean
+.PHONY: help setup machine build ros2 test test-fast check test-core tables docs format demo wheel wheels clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z0-9-]*\):.*## \(.*\)/\1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
@@ -137,6 +137,9 @@ wheel: $(TOOLS) ## source archive and wheel in dist/
 	@$(PY) -c 'from scikit_build_core.build import build_sdist; build_sdist("dist")'
 	@$(PIP) wheel --no-build-isolation --no-deps --wheel-dir dist dist/*.tar.gz
 	@cd dist && ls -1
+
+wheels: ## source archive and wheels for manylinux_2_28 in dist/; PYTHONS="python3.11 python3.12"
+	@scripts/wheels $(PYTHONS)
 
 clean: ## remove what was built, but the virtual environment
 	@rm -rf build dist .pytest_cache .ruff_cache .import_linter_cache $(CORE)

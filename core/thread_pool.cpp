@@ -2,15 +2,19 @@
 
 #include <algorithm>
 
+#ifdef __linux__
 #include <sched.h>
+#endif
 
 namespace adrl {
 namespace {
 
 int usable_cores() {
+#ifdef __linux__
     cpu_set_t set;
     if (sched_getaffinity(0, sizeof set, &set) == 0) return std::max(1, CPU_COUNT(&set));
-    return std::max(1U, std::thread::hardware_concurrency());
+#endif
+    return static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
 }
 
 } // namespace
@@ -18,13 +22,17 @@ int usable_cores() {
 ThreadPool::ThreadPool(int num_threads) {
     const int total = num_threads > 0 ? num_threads : usable_cores();
     for (int i = 1; i < total; ++i) {
-        workers_.emplace_back([this](const std::stop_token &stop) { serve(stop); });
+        workers_.emplace_back([this] { serve(); });
     }
 }
 
 ThreadPool::~ThreadPool() {
-    for (std::jthread &worker : workers_) worker.request_stop();
+    {
+        const std::scoped_lock lock(mutex_);
+        ends_ = true;
+    }
     wake_.notify_all();
+    for (std::thread &worker : workers_) worker.join();
 }
 
 void ThreadPool::share_out(int count, const std::function<void(int, int)> &work) {
@@ -55,12 +63,13 @@ bool ThreadPool::take() {
     return true;
 }
 
-void ThreadPool::serve(std::stop_token stop) {
+void ThreadPool::serve() {
     std::uint64_t seen = 0;
     while (true) {
         {
             std::unique_lock lock(mutex_);
-            if (!wake_.wait(lock, stop, [&] { return round_ != seen; })) return;
+            wake_.wait(lock, [&] { return ends_ || round_ != seen; });
+            if (ends_) return;
             seen = round_;
         }
         while (take()) {

@@ -29,12 +29,13 @@ class ThreadPool {
 
   private:
     void share_out(int count, const std::function<void(int, int)> &work);
-    void serve(std::stop_token stop);
+    void serve();
     bool take();
 
-    std::vector<std::jthread> workers_;
+    std::vector<std::thread> workers_;
     std::mutex mutex_;
-    std::condition_variable_any wake_;
+    std::condition_variable wake_;
+    bool ends_ = false;
     const std::function<void(int, int)> *work_ = nullptr;
     int count_ = 0;
     int chunk_ = 1;
