@@ -1,1 +1,1 @@
-"""A page on loopback that shows drives live, and lets a person steer them: adrl view. Needs the extra `view`."""
+"""A page on loopback that shows drives live, and lets a person steer them: adrl view."""
