@@ -34,6 +34,7 @@ ABOUT = (
     "guidance",
     "split",
     "simulator",
+    "supervised",
     "paper_literal",
     "trained_paper_literal",
     "trained_for",

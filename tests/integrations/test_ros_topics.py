@@ -60,7 +60,7 @@ class Node:
     """The driving node, its robot standing or moved by the test in an empty place."""
 
     def __init__(self, **options: Any) -> None:
-        config = DriveConfig(robot="diffbot", guidance="goal", **options)
+        config = DriveConfig(**{"robot": "diffbot", "guidance": "goal"} | options)
         self.out = Publications(drive.publications(config))
         self.now_s, self.clock_late_s = 0.0, 0.0
         self.wall_s: float | None = None

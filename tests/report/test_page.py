@@ -156,10 +156,10 @@ def test_columns_sort_both_ways_and_say_so(page: Page) -> None:
     head = table.locator("thead th").nth(3)
     before = column(table, 3)
     head.locator("button").click()
-    assert head.get_attribute("aria-sort") == "descending"
+    expect(head).to_have_attribute("aria-sort", "descending")
     assert [float(cell) for cell in column(table, 3)] == sorted(map(float, before), reverse=True)
     head.locator("button").press("Enter")
-    assert head.get_attribute("aria-sort") == "ascending"
+    expect(head).to_have_attribute("aria-sort", "ascending")
     assert [float(cell) for cell in column(table, 3)] == sorted(map(float, before))
     assert table.locator("thead th[aria-sort=none]").count() == table.locator("thead th").count() - 1
     results = page.locator("#results-table")

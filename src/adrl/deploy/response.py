@@ -15,6 +15,8 @@ MOST_MISFIT = 0.5
 """Of one measurement, as a share of the greatest speeds: one that nothing explains has no more to say."""
 SLACK, MOST, ENOUGH = 0.03, 0.3, 0.4
 """Of Evidence."""
+NOISE_SHARE, NOISE_GAIN = 0.5, 0.05
+"""Of what nothing explains, the share that an alternative has to explain better by; and how fast that is averaged."""
 LONGEST_S = 0.5
 """Odometry farther apart tells too little of when something was done."""
 
@@ -27,7 +29,7 @@ class Response:
         self._evidence = Evidence(
             len(STRENGTHS) * (LATEST_PERIODS + 1), slack=SLACK, most=MOST, enough=ENOUGH
         )
-        self._believed = 0
+        self._believed, self._noise = 0, 0.0
 
     @property
     def late_s(self) -> float:
@@ -46,7 +48,9 @@ class Response:
             return
         apart = predicted.reshape(-1, 2) - np.array(new.twist)
         misfit = np.minimum(self._shares(apart), MOST_MISFIT)
-        found = self._evidence.add(float(misfit[self._believed]), misfit)
+        # Twists that are noise for a good part explain anything, by chance: a slow robot's are, in m/s that suit others.
+        self._noise += NOISE_GAIN * (float(misfit.min()) - self._noise)
+        found = self._evidence.add(float(misfit[self._believed]), misfit + NOISE_SHARE * self._noise)
         if found is not None:
             self._believed = found
             self._evidence.forget()
