@@ -61,7 +61,7 @@ def test_a_new_environment_evaluates_without_the_extra_train(tmp_path: Path) -> 
     assert "diffbot" in listed.stdout
     evaluated = run("-m", "adrl.cli", "evaluate", "--policy", "default", "--episodes", "2")
     assert evaluated.returncode == 0, evaluated.stderr
-    assert re.search(r"^default +\d", evaluated.stdout, re.MULTILINE)
+    assert re.search(r"^default +\d", evaluated.stderr, re.MULTILINE)  # stdout is for --json -
     trained = run("-m", "adrl.cli", "train", "--scenario", "clutter", "--steps", "100")
     assert trained.returncode == 2
     assert trained.stderr == ("adrl: error: training needs the extra train; run: pip install 'adrl[train]'\n")

@@ -127,6 +127,6 @@ def outlasts(run: Loop, fault: range = FAULT) -> None:
 
 def arrives(run: Loop) -> None:
     """Unharmed, and at the goal in the end."""
-    run.run(400)
+    run.run(500)
     assert not run.hit.any()
     assert run.arrived.all()
