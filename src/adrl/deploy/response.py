@@ -48,7 +48,7 @@ class Response:
             return
         apart = predicted.reshape(-1, 2) - np.array(new.twist)
         misfit = np.minimum(self._shares(apart), MOST_MISFIT)
-        # Twists that are noise for a good part explain anything, by chance: a slow robot's are, in m/s that suit others.
+        # Twists that are noise for a good part, as a slow robot's may be, bear out anything by chance.
         self._noise += NOISE_GAIN * (float(misfit.min()) - self._noise)
         found = self._evidence.add(float(misfit[self._believed]), misfit + NOISE_SHARE * self._noise)
         if found is not None:
