@@ -59,8 +59,8 @@ class Publications:
 class Node:
     """The driving node, its robot standing or moved by the test in an empty place."""
 
-    def __init__(self, **options: Any) -> None:
-        config = DriveConfig(**{"robot": "diffbot", "guidance": "goal"} | options)
+    def __init__(self, robot: str = "diffbot", **options: Any) -> None:
+        config = DriveConfig(robot=robot, guidance="goal", **options)
         self.out = Publications(drive.publications(config))
         self.now_s, self.clock_late_s = 0.0, 0.0
         self.wall_s: float | None = None
