@@ -280,11 +280,6 @@ def test_a_person_drives_records_and_saves(tab: Tab, server: Served) -> None:
 def test_a_person_walks_in_on_the_way(tab: Tab, server: Served) -> None:
     tab.page.get_by_role("button", name="Let a person come from the goal").click()
     wait_until(lambda: len(truth(server, "frame")["lanes"][0]["people"]) == 3, PATIENCE_MS / 1000)
-    tab.page.locator("canvas.world").focus()
-    for _ in range(9):
-        tab.page.keyboard.press("ArrowDown")
-    tab.page.keyboard.press("o")
-    wait_until(lambda: len(truth(server, "frame")["lanes"][0]["people"]) == 6, PATIENCE_MS / 1000)
 
 
 def test_a_gamepad_drives(tab: Tab, server: Served) -> None:
