@@ -7,8 +7,8 @@ import numpy as np
 
 from adrl.deploy import Scan, Supervisor, Twist
 from adrl.envs import NavSim
+from adrl.evaluation.supervised import as_odometry, as_scan
 from adrl.types import Array, RobotConfig, Task, World
-from deploy.recorded import as_odometry, as_scan
 
 
 def task_in(world: World, start: tuple[float, float, float]) -> Task:

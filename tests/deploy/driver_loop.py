@@ -8,11 +8,12 @@ import numpy as np
 
 from adrl.deploy import Navigator, Odometry, Pose, Scan
 from adrl.deploy.driver import Driver, Report
+from adrl.evaluation.supervised import as_scan
 from adrl.geometry import compose, inverse
 from adrl.integrations.ros.robot import SimulatedRobot
 from adrl.types import RobotConfig, Task, World
 from adrl.worlds import ROBOTS, single_task
-from deploy.recorded import a_policy, as_scan
+from deploy.recorded import a_policy
 from env_tasks import room
 
 ROBOT = ROBOTS["diffbot"]

@@ -8,9 +8,10 @@ import numpy as np
 
 from adrl.deploy import Command, MlpPolicy, Navigator, Odometry, Scan
 from adrl.envs import NavSim
+from adrl.evaluation.supervised import as_odometry, as_scan
 from adrl.types import RobotConfig, Task
 from adrl.worlds import ROBOTS, get_scenario, task_set
-from deploy.recorded import a_policy, as_odometry, as_scan
+from deploy.recorded import a_policy
 
 PERIODS = 2
 """Allowed between a fault and the command to stand still; of the base's watchdog, too."""

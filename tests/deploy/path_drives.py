@@ -9,11 +9,11 @@ import numpy as np
 
 from adrl.deploy import Navigator, Pose
 from adrl.deploy.driver import Driver, Report
+from adrl.evaluation.supervised import as_scan
 from adrl.geometry import compose, inverse, quaternion_of
 from adrl.integrations.ros.robot import SimulatedRobot
 from adrl.types import Array, RobotConfig, World
 from adrl.worlds import ROBOTS, single_task
-from deploy.recorded import as_scan
 
 ROBOT = ROBOTS["diffbot"]
 

@@ -8,9 +8,10 @@ import numpy as np
 from adrl.deploy import MlpPolicy, Odometry, Scan, load_policy
 from adrl.deploy.policy import PolicyConfig, resolve_policy
 from adrl.envs import NavSim
+from adrl.evaluation.supervised import as_odometry, as_scan
 from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.observation.motion import F32
-from adrl.types import LidarConfig, RobotConfig, Task
+from adrl.types import RobotConfig, Task
 from adrl.worlds import FAMILIES
 
 
@@ -51,24 +52,6 @@ def a_policy_of_a_family(*, history_steps: int = 0) -> MlpPolicy:
         extra={"run": "of-a-family"},
     )
     return MlpPolicy(layers, config)
-
-
-def as_scan(ranges: F32, lidar: LidarConfig, stamp_s: float) -> Scan:
-    """What a driver publishes of the simulated LiDAR."""
-    return Scan(
-        ranges=ranges.astype(np.float64),
-        angle_min_rad=lidar.angle_min_rad,
-        angle_increment_rad=lidar.angle_increment_rad,
-        range_max_m=lidar.max_range_m,
-        stamp_s=stamp_s,
-    )
-
-
-def as_odometry(sim: NavSim, robot: int, stamp_s: float) -> Odometry:
-    """The simulated robot's own reckoning."""
-    x, y, yaw = map(float, sim.b["odometry"][robot])
-    v, w = map(float, sim.b["twist"][robot])
-    return Odometry(pose=(x, y, yaw), twist=(v, w), stamp_s=stamp_s)
 
 
 @dataclass(frozen=True)

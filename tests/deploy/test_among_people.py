@@ -13,11 +13,11 @@ from adrl.deploy import Navigator, Supervisor, Twist
 from adrl.deploy.recovery import PATIENCE_S
 from adrl.deploy.surroundings import Surroundings
 from adrl.envs import NavSim
+from adrl.evaluation.supervised import as_odometry, as_scan
 from adrl.types import Array, People, RobotConfig, Task, World
 from adrl.worlds import ROBOTS
 from adrl.worlds.shapes import enclosure
 from deploy.closed_loop import rid_of_noise
-from deploy.recorded import as_odometry, as_scan
 
 DIFFBOT = ROBOTS["diffbot"]
 BOUNDS = (-6.0, -6.0, 6.0, 6.0)

@@ -13,6 +13,7 @@ import pytest
 from adrl.deploy import Navigator, Odometry, Pose, Scan
 from adrl.deploy.driver import STOPS, Driver, Report
 from adrl.errors import BadGoal, ConfigError, GoalRefused, NotLocalised, UnknownFrame
+from adrl.evaluation.supervised import as_scan
 from adrl.geometry import compose
 from adrl.integrations.ros.config import DriveConfig, SimConfig, with_parameters
 from adrl.integrations.ros.robot import WATCHDOG_PERIODS, SimulatedRobot
@@ -20,7 +21,7 @@ from adrl.types import Task
 from adrl.worlds import task_set
 from adrl.worlds.map_scenario import MapScenario
 from deploy.driver_loop import PERIOD_S, ROBOT, START, Loop, a_task, in_odom
-from deploy.recorded import a_policy, as_scan
+from deploy.recorded import a_policy
 
 BRAKING_PERIODS = 6
 

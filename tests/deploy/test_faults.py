@@ -14,9 +14,10 @@ import pytest
 
 from adrl.deploy import Navigator, Odometry, Scan
 from adrl.envs import NavSim
+from adrl.evaluation.supervised import as_odometry, as_scan
 from adrl.worlds import ROBOTS, single_task
 from deploy.faulty_loop import FAULT, PERIODS, Channel, Loop, arrives, braking_periods, loop, outlasts
-from deploy.recorded import a_policy, as_odometry, as_scan
+from deploy.recorded import a_policy
 from env_tasks import room
 
 Message = TypeVar("Message", Scan, Odometry)

@@ -14,12 +14,13 @@ from adrl.deploy.driver import Driver
 from adrl.deploy.guidance import OwnMapGuide
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
+from adrl.evaluation.supervised import as_scan
 from adrl.geometry import compose
 from adrl.planning.replanner import Replanner
 from adrl.types import World
 from adrl.worlds import single_task
 from deploy.driver_loop import PERIOD_S, ROBOT, START, Loop, in_odom
-from deploy.recorded import Moment, a_policy, as_scan, record
+from deploy.recorded import Moment, a_policy, record
 from env_tasks import room
 
 TRAP = ((0.0, -2.0, 0.0, 2.0), (-1.5, -2.0, 0.0, -2.0), (-1.5, 2.0, 0.0, 2.0))

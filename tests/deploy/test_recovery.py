@@ -10,12 +10,13 @@ import pytest
 from adrl.deploy import Command, MlpPolicy, Navigator, Odometry, Pose, Scan, Supervisor
 from adrl.deploy.recovery import MOST_TRIES, PATIENCE_S, WAY_M, Recovery
 from adrl.envs import NavSim
+from adrl.evaluation.supervised import as_scan
 from adrl.observation import to_action
 from adrl.types import RobotConfig, Task, World
 from adrl.worlds import ROBOTS
 from deploy.closed_loop import obstacle_course, rid_of_noise, task_in
 from deploy.faulty_loop import Loop
-from deploy.recorded import a_policy, as_scan
+from deploy.recorded import a_policy
 
 ROBOT = ROBOTS["diffbot"]
 EXACT, JACKAL = rid_of_noise(ROBOT), rid_of_noise(ROBOTS["jackal"])

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from adrl.deploy import MlpPolicy, Navigator, Odometry, Scan
+from adrl.deploy import MlpPolicy, Navigator
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
+from adrl.evaluation.supervised import as_odometry, as_scan
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_twist
 from adrl.observation.motion import ScanHistory
 from adrl.types import GUIDANCE, Task
@@ -78,7 +79,7 @@ def _driving_seconds(
     robot = robot_from_fields(policy.config.robot)
     encoder = EncoderConfig(**policy.config.encoder)
     sim = NavSim(1, robot, guidance="goal", encoder=encoder)
-    lidar, period_s = robot.lidar, robot.control_period_s
+    period_s = robot.control_period_s
     durations: list[tuple[float, float]] = []
     for number in range(steps):  # tasks, until the steps are done
         task = tasks[number % len(tasks)]
@@ -88,15 +89,7 @@ def _driving_seconds(
         navigator.set_goal(task.goal)
         for k in range(round(task.time_limit_s / period_s)):
             now_s = k * period_s
-            scan = Scan(
-                ranges=sim.b["ranges"][0].astype(np.float64),
-                angle_min_rad=lidar.angle_min_rad,
-                angle_increment_rad=lidar.angle_increment_rad,
-                range_max_m=lidar.max_range_m,
-                stamp_s=now_s,
-            )
-            (x, y, yaw), (v, w) = sim.b["odometry"][0].tolist(), sim.b["twist"][0].tolist()
-            odometry = Odometry(pose=(x, y, yaw), twist=(v, w), stamp_s=now_s)
+            scan, odometry = as_scan(sim.b["ranges"][0], robot.lidar, now_s), as_odometry(sim, 0, now_s)
             begin, busy = time.perf_counter(), time.thread_time()
             command = navigator.step(scan, odometry, now_s)
             durations.append((time.perf_counter() - begin, time.thread_time() - busy))

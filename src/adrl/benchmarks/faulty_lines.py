@@ -65,7 +65,7 @@ class FaultyLines:
         if fault.clock is not None:
             now_s = fault.clock(step, now_s)
         ranges = self._seen_through(sim, i) if fault.glass else b["ranges"][i]
-        scan = pass_on(self._scans, as_scan(ranges, sim.robot, now_s), fault.scan, fault.in_spells)
+        scan = pass_on(self._scans, as_scan(ranges, sim.robot.lidar, now_s), fault.scan, fault.in_spells)
         odometry = pass_on(self._odometry, as_odometry(sim, i, now_s), fault.odometry, fault.in_spells)
         self._age += 1
         if not fault.node(step):

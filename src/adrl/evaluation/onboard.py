@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.deploy import Navigator
-from adrl.deploy.messages import Odometry, Scan
 from adrl.deploy.policies import ResolvedPolicy
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
+from adrl.evaluation.supervised import as_odometry, as_scan
 from adrl.observation import to_action
 from adrl.types import RobotConfig
 
@@ -40,19 +40,10 @@ class Onboard:
         return to_action(twists, sim.robot)
 
     def _twist(self, navigator: Navigator, sim: NavSim, row: int) -> tuple[float, float]:
-        b, lidar, task = sim.b, sim.robot.lidar, sim.tasks[row]
+        b, task = sim.b, sim.tasks[row]
         assert task is not None
         if navigator.goal is None:
             navigator.set_goal(task.goal)
         now_s = float(b["time"][row])
-        scan = Scan(
-            ranges=b["ranges"][row],
-            angle_min_rad=lidar.angle_min_rad,
-            angle_increment_rad=lidar.angle_increment_rad,
-            range_max_m=lidar.max_range_m,
-            stamp_s=now_s,
-        )
-        x, y, yaw = b["odometry"][row].tolist()
-        speed, yaw_rate = b["twist"][row].tolist()
-        odometry = Odometry(pose=(x, y, yaw), twist=(speed, yaw_rate), stamp_s=now_s)
-        return navigator.step(scan, odometry, now_s).twist
+        scan = as_scan(b["ranges"][row], sim.robot.lidar, now_s)
+        return navigator.step(scan, as_odometry(sim, row, now_s), now_s).twist

@@ -11,7 +11,7 @@ from adrl.deploy.policies import ResolvedPolicy
 from adrl.envs import NavSim
 from adrl.errors import ConfigError
 from adrl.observation import to_action
-from adrl.types import RobotConfig, Task
+from adrl.types import LidarConfig, RobotConfig, Task
 
 F32 = NDArray[np.float32]
 
@@ -48,7 +48,7 @@ class Supervised:
             assert task is not None
             navigator = self._navigators.get(i) or self._navigators.setdefault(i, self._sent_to(task))
             x, y, yaw = sim.b["pose"][i].tolist()
-            scan, odometry = as_scan(sim.b["ranges"][i], self._robot, now_s), as_odometry(sim, i, now_s)
+            scan, odometry = as_scan(sim.b["ranges"][i], self._robot.lidar, now_s), as_odometry(sim, i, now_s)
             command = navigator.step(scan, odometry, now_s, map_pose=(x, y, yaw))
             twists[i], self.reasons[i] = command.twist, command.reasons
         self._step += 1
@@ -66,9 +66,8 @@ class Supervised:
         return navigator
 
 
-def as_scan(ranges: np.ndarray, robot: RobotConfig, stamp_s: float) -> Scan:
+def as_scan(ranges: F32, lidar: LidarConfig, stamp_s: float) -> Scan:
     """What a driver publishes of the simulated LiDAR."""
-    lidar = robot.lidar
     return Scan(
         ranges=ranges.astype(np.float64),
         angle_min_rad=lidar.angle_min_rad,
