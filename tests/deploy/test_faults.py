@@ -189,6 +189,25 @@ def test_the_sensors_clock_jumps(by_s: float):
     outlasts(run)
 
 
+@pytest.mark.integration
+@pytest.mark.parametrize("by_s", [100.0, -100.0])
+def test_the_nodes_clock_jumps_which_says_nothing_of_the_base(by_s: float):
+    """The sensors' stays. When the clocks agree again the base is neither late nor weak: it did as it was told."""
+    run = loop()
+
+    def clock(time_s: float) -> float:
+        wrong = any(abs(time_s - k * run.robot.control_period_s) < 1e-9 for k in FAULT)
+        return time_s + (by_s if wrong else 0.0)
+
+    def dated(k: int, i: int, message: Message) -> Message:
+        return dataclasses.replace(message, stamp_s=message.stamp_s - by_s) if k in FAULT else message
+
+    run.run(FAULT.stop + 1, dated, odometry=dated, clock=clock)
+    supervisors = [navigator.supervisor for navigator in run.navigators]
+    assert not any("base" in caution for one in supervisors if one for caution in one.cautions)
+    outlasts(run)
+
+
 # --- the node and its goal ----------------------------------------------------------------------------------
 
 

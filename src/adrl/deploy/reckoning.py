@@ -70,8 +70,12 @@ class Reckoning:
         while len(self._commands) > 1 and self._commands[1][0] < oldest_s:
             self._commands.popleft()
 
-    def hear(self) -> None:
-        """Compare what new odometry says with what the base was told, if there is any."""
+    def hear(self, *, comparable: bool) -> None:
+        """Compare what new odometry says with what the base was told, if there is any. comparable: whether one clock
+        stamps both; else when the base did what it was told is not known."""
+        if not comparable:
+            self._heard = None
+            return
         new, last = (self._known[-1] if self._known else None), self._heard
         if new is last:
             return

@@ -41,6 +41,8 @@ CAUTIONS = frozenset[Reason](
     ("scan_late", "odometry_late", "base_late", "base_weak", "scan_empty", "odometry_contradicts")
 )
 """The robot drives on with these: what they name is reckoned with."""
+CLOCKS_DIFFER = frozenset[Reason](("clock_jumped", "odometry_stale"))
+"""Commands and odometry may not be stamped by the same clock."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,7 +134,7 @@ class Supervisor:
             for memory in (self._surroundings, self._alignment, self._beams):
                 memory.forget()
             self._looked_s = -math.inf
-        self._reckoning.hear()
+        self._reckoning.hear(comparable=CLOCKS_DIFFER.isdisjoint(faults))
         self._look()
         doubts = self._sensors.doubts()
         if doubts and self._beams.empty:
