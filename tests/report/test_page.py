@@ -150,6 +150,18 @@ def test_dark_it_opens_too_and_turns_light(browser: Browser, folder: Path) -> No
     report.page.close()
 
 
+def test_what_is_drawn_when_it_is_seen_moves_nothing(browser: Browser, folder: Path) -> None:
+    """Else a press lands beside what was aimed at."""
+    report = opened(browser, folder / "report.html")
+    places = "[...document.querySelectorAll('main section')].map((one) => one.offsetTop)"
+    before = report.page.evaluate(places)
+    require_every_section(report.page)
+    report.page.locator("#failure-map").scroll_into_view_if_needed()
+    report.page.locator("#failure-map .heatmaplayer").first.wait_for(state="attached")
+    assert report.page.evaluate(places) == before
+    report.page.close()
+
+
 def test_columns_sort_both_ways_and_say_so(page: Page) -> None:
     table = page.locator("#tasks-table")
     assert [cell.removeprefix("▶ ") for cell in column(table, 0)] == [str(i) for i in range(10)]

@@ -20,7 +20,8 @@ function buildIntervals(parent) {
   const rows = DATA.rows.filter((row) => row.success !== null && row.success_low !== null);
   if (DATA.kind !== 'comparison' || rows.length < 2) return;
   const sorted = [...rows].sort((a, b) => a.success - b.success);
-  const holder = el('div', { class: 'chart big', id: 'intervals' });
+  const height = 90 + 26 * sorted.length;
+  const holder = el('div', { class: 'chart', id: 'intervals', style: `height: ${height}px` });
   parent.append(el('div', { class: 'card', style: 'margin-top: .9rem' }, el('h3', {}, 'Success with 95 % intervals, %'), holder));
   const several = new Set(rows.map((row) => row.note.split(',')[0])).size > 1;
   whenSeen(holder, () => Plotly.react(holder, [{
@@ -34,7 +35,7 @@ function buildIntervals(parent) {
       arrayminus: sorted.map((row) => 100 * (row.success - row.success_low)),
     },
   }], baseLayout({
-    height: 90 + 26 * sorted.length, hovermode: 'closest', margin: { l: 20, r: 14, t: 6, b: 34 },
+    height, hovermode: 'closest', margin: { l: 20, r: 14, t: 6, b: 34 },
     xaxis: { ticksuffix: ' %' }, yaxis: { type: 'category', showgrid: false },
   }), CONFIG));
 }
@@ -47,7 +48,7 @@ function buildMap() {
   const section = reveal('map');
   const [controls, body] = [section.querySelector('.controls'), section.querySelector('.body')];
   const state = { evaluation: known[0], measure: 'share', tasks: false };
-  const holder = el('div', { class: 'chart big', id: 'failure-map' });
+  const holder = el('div', { class: 'chart', id: 'failure-map' });
   const note = el('p', { class: 'note small' });
   body.append(note, el('div', { class: 'card' }, holder));
   if (known.length > 1) {
@@ -60,6 +61,7 @@ function buildMap() {
     draw();
   } }, 'Start → goal of failed tasks');
   controls.append(lines);
+  layOutMap(holder, note, state.evaluation);
   let listens = false;
   const draw = whenSeen(holder, () => {
     drawMap(holder, note, state);
@@ -72,7 +74,19 @@ function buildMap() {
   });
 }
 
+/** Room and words for the map of an evaluation, before it is drawn: what is drawn when it is seen moves nothing on the page. Returns its height. */
+function layOutMap(holder, note, evaluation) {
+  const { window: [left, bottom, right, top], cell_m: cell } = evaluation.map;
+  note.textContent = `${evaluation.label}: ${evaluation.policy} on ${evaluation.scenario}, ${evaluation.tasks.task.length} tasks, cells of ${cell.toFixed(2)} m. `
+    + 'A cell that few episodes crossed says little: hover for the counts. A marked failure that has a replay opens it when clicked.';
+  const width = holder.clientWidth || 600;
+  const height = Math.min(760, Math.max(300, width * Math.min(1.3, (top - bottom) / (right - left)))) + 90;
+  holder.style.height = `${height}px`;
+  return height;
+}
+
 function drawMap(holder, note, { evaluation, measure, tasks }) {
+  const height = layOutMap(holder, note, evaluation);
   const { bounds: [x0, y0, x1, y1], window: [left, bottom, right, top], cell_m: cell, origin, passed, failed, collided, ends, picture } = evaluation.map;
   const value = { share: (r, c) => 100 * failed[r][c] / passed[r][c], collided: (r, c) => collided[r][c] || null, passed: (r, c) => passed[r][c] }[measure];
   const z = passed.map((row, r) => row.map((count, c) => (count ? value(r, c) : null)));
@@ -105,11 +119,8 @@ function drawMap(holder, note, { evaluation, measure, tasks }) {
       hovertemplate: `task %{customdata}: ${ending}<extra></extra>`,
     });
   }
-  const width = holder.clientWidth || 600;
-  note.textContent = `${evaluation.label}: ${evaluation.policy} on ${evaluation.scenario}, ${evaluation.tasks.task.length} tasks, cells of ${cell.toFixed(2)} m. `
-    + 'A cell that few episodes crossed says little: hover for the counts. A marked failure that has a replay opens it when clicked.';
   Plotly.react(holder, traces, baseLayout({
-    height: Math.min(760, Math.max(300, width * Math.min(1.3, (top - bottom) / (right - left)))) + 90, hovermode: 'closest', margin: { l: 34, r: 8, t: 26, b: 30 }, showlegend: true,
+    height, hovermode: 'closest', margin: { l: 34, r: 8, t: 26, b: 30 }, showlegend: true,
     images: [{ source: picture, xref: 'x', yref: 'y', x: x0, y: y1, sizex: x1 - x0, sizey: y1 - y0, sizing: 'stretch', layer: 'below', opacity: Number(colour('picture')) }],
     xaxis: { range: [left, right], showgrid: false, zeroline: false, constrain: 'domain', ticksuffix: ' m' },
     yaxis: { range: [bottom, top], showgrid: false, zeroline: false, scaleanchor: 'x', constrain: 'domain' },
