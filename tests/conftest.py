@@ -79,9 +79,7 @@ def browser(chromium: str) -> "Iterator[Browser]":
     """A headless browser. Its start may take minutes on a busy machine."""
     from playwright.sync_api import expect, sync_playwright
 
-    expect.set_options(
-        timeout=120_000
-    )  # as long as the pages' own patience: what is fulfilled waits for nothing
+    expect.set_options(timeout=120_000)  # the pages' own patience; what is fulfilled waits for nothing
     with sync_playwright() as playwright:
         # A container's root has no sandbox; the pages are our own. Without a GPU Chromium would emulate one.
         arguments = ["--no-sandbox", "--disable-gpu"]
