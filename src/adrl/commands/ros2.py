@@ -7,7 +7,7 @@ from adrl.commands.ros_nodes import run
 ROS_ARGUMENTS = "--ros-args"
 
 
-def _split(arguments: Sequence[str]) -> tuple[Sequence[str], Sequence[str]]:
+def split(arguments: Sequence[str]) -> tuple[Sequence[str], Sequence[str]]:
     """Ours, and from --ros-args on ROS's."""
     at = list(arguments).index(ROS_ARGUMENTS) if ROS_ARGUMENTS in arguments else len(arguments)
     return arguments[:at], arguments[at:]
@@ -15,4 +15,4 @@ def _split(arguments: Sequence[str]) -> tuple[Sequence[str], Sequence[str]]:
 
 def main(arguments: Sequence[str]) -> int:
     """Run a node."""
-    return run("ros2", _split, arguments, "--ros-args -p use_sim_time:=true -r scan:=front/scan")
+    return run("ros2", split, arguments, "--ros-args -p use_sim_time:=true -r scan:=front/scan")

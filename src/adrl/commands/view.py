@@ -1,6 +1,7 @@
 """adrl view."""
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,6 +12,7 @@ from adrl.agents import checkpoint
 from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, SCAN_TOPIC
 from adrl.commands.options import load_place, parse
 from adrl.commands.progress import console
+from adrl.commands.ros2 import ROS_ARGUMENTS, split
 from adrl.deploy.policies import DEFAULT_ROBOT
 from adrl.deploy.policy import CONFIG_FILE, DEFAULT
 from adrl.errors import CheckpointError, ConfigError, FileError
@@ -37,6 +39,9 @@ class ViewOptions(Place):
     """Watch the run as it goes on: its curves, and its newest policy driving."""
     bag: Path | None = None
     """Replay a ROS 1 bag or the folder of a ROS 2 bag instead (extra bags); --robot is the one that drove."""
+    ros2: bool = False
+    """Watch a robot instead, or adrl ros2 sim, by its topics in ROS 2; --robot is the one that drives. ROS's own
+    arguments go with it: --ros-args -r scan:=front/scan."""
     scan_topic: str = SCAN_TOPIC
     """Topic of the bag's scans."""
     odometry_topic: str = ODOMETRY_TOPIC
@@ -63,17 +68,30 @@ class ViewOptions(Place):
 
 def main(arguments: Sequence[str]) -> int:
     """Serve the page until the command is ended."""
-    options = parse(
-        ViewOptions, arguments, "view", "Watch and steer drives live, in a browser on this machine."
-    )
+    ours, theirs = split(arguments)
+    options = parse(ViewOptions, ours, "view", "Watch and steer drives live, in a browser on this machine.")
     require_folder("--out", options.out.absolute().parent)
-    show = _show(options)
-    try:
-        serve(show, port=options.port, token=options.token, tell=_tell)
-    finally:
-        for path in show.close():
-            print(path)
+    if theirs and not options.ros2:
+        raise ConfigError(f"{ROS_ARGUMENTS} go with --ros2")
+    with ExitStack() as while_shown:
+        show = _robot(options, theirs, while_shown) if options.ros2 else _show(options)
+        try:
+            serve(show, port=options.port, token=options.token, tell=_tell)
+        finally:
+            for path in show.close():
+                print(path)
     return 0
+
+
+def _robot(options: ViewOptions, ros_arguments: Sequence[str], while_shown: ExitStack) -> Show:
+    """A robot that topics tell of. Raises AdrlError."""
+    if options.run is not None or options.bag is not None:
+        raise ConfigError("give one of a run, --bag and --ros2")
+    robot = load_robot(options.robot or DEFAULT_ROBOT)
+    from adrl.integrations.ros2.watch import watching  # ROS 2 is not everywhere
+    from adrl.view.robot import Robot
+
+    return Robot(while_shown.enter_context(watching(robot, ros_arguments)), robot)
 
 
 def _tell(address: str) -> None:

@@ -156,9 +156,14 @@ def spin(node: Any, until: Callable[[], bool] = lambda: False) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         # Noted and not raised: within rclpy's bindings an exception comes out as another one.
         signal.signal(number, lambda number, _: told.append(number))
+    run(node, lambda: bool(told) or until())
+
+
+def run(node: Any, until: Callable[[], bool]) -> None:
+    """Have the node's messages taken until that is so, on any thread."""
     executor = EventsExecutor()
     executor.add_node(node)
-    while not told and not until():
+    while not until():
         # spin(), which waits without an end, calls nothing and keeps a core busy with the wheels of 2025-11.
         executor.spin_once(timeout_sec=WAIT_S)
     executor.remove_node(node)
