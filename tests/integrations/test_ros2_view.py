@@ -46,7 +46,10 @@ def test_a_page_shows_scan_way_own_map_waypoint_and_what_the_supervisor_says(ros
     sim = ros.node("sim", "--scenario", "clutter", "--speed", "1")
     ros.node("drive", "--guidance", "replan")
     probe = ros.probe()
-    probe.wait(is_idle)
+    probe.wait(is_idle, timeout_s=200.0)
+    started = re.search(r"at \(([-\d.]+), ([-\d.]+), ([-\d.]+)\)", sim.log.read_text())
+    assert started is not None
+    x, y, yaw = map(float, started.groups())
     with view(ros) as page:
         setup = json.loads(page.recv(timeout=60.0))["setup"]
         assert (setup["kind"], setup["lanes"][0]["label"]) == ("robot", "diffbot")
@@ -61,6 +64,10 @@ def test_a_page_shows_scan_way_own_map_waypoint_and_what_the_supervisor_says(ros
         assert "on the way to (6.00, 0.00)" in told["message"]
         moved = wait(page, lambda lane: math.hypot(*lane["pose"][:2]) > 0.3)
         assert moved["time_s"] > seen["time_s"]
+        # 4 m before where the odometry began, told in the map's frame: drawn in the odometry's.
+        probe.order(goal=(x + 4.0 * math.cos(yaw), y + 4.0 * math.sin(yaw)), frame="map")
+        again = wait(page, lambda lane: lane["goal"] is not None and lane["goal"][0] < 5.0)
+        assert again["goal"] == pytest.approx([4.0, 0.0], abs=0.3)
         page.send('{"do": "goal", "x": 1.0, "y": 0.0}')
         refused = next(
             frame for _ in range(100) if "errors" in (frame := json.loads(page.recv(timeout=60.0)))
@@ -68,19 +75,3 @@ def test_a_page_shows_scan_way_own_map_waypoint_and_what_the_supervisor_says(ros
         assert "sends it nothing" in refused["errors"][0]
         sim.end()
         wait(page, lambda lane: "no odom for" in lane["message"] and "no scan for" in lane["message"])
-
-
-def test_places_on_the_map_are_drawn_where_the_odometry_has_them(ros: Ros) -> None:
-    """A goal in the map's frame, 2 m before where the robot started: there its odometry began."""
-    sim = ros.node("sim", "--scenario", "clutter", "--speed", "1")
-    ros.node("drive", "--guidance", "goal")
-    probe = ros.probe()
-    probe.wait(is_idle)
-    started = re.search(r"at \(([-\d.]+), ([-\d.]+), ([-\d.]+)\)", sim.log.read_text())
-    assert started is not None
-    x, y, yaw = map(float, started.groups())
-    with view(ros) as page:
-        wait(page, lambda lane: lane["status"] == "idle")
-        probe.order(goal=(x + 2.0 * math.cos(yaw), y + 2.0 * math.sin(yaw)), frame="map")
-        goal = wait(page, lambda lane: lane["goal"] is not None)["goal"]
-        assert goal == pytest.approx([2.0, 0.0], abs=0.2)
