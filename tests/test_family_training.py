@@ -11,7 +11,7 @@ from adrl.deploy.policies import find_policy
 from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig
 from adrl.runs import RunConfig
-from adrl.runs.run import REACH_M, SEED_ROBOTS, Run
+from adrl.runs.run import REACH_M, SEED_ROBOTS, STOP_WITHIN_M, Run
 from adrl.worlds import FAMILIES, ROBOTS
 from small_run import TRAIN, run_cli
 
@@ -29,6 +29,16 @@ def test_a_run_of_a_family_tells_the_body_and_has_one_scale_of_metres():
     about = run.about_policy()
     assert about.robot == {}
     assert about.family["name"] == "any"
+
+
+def test_no_robot_of_a_family_is_driven_faster_than_it_stops_within_a_few_decimetres():
+    run = Run.of(RunConfig(robot="any"))
+    own = [ANY.draw("train", i) for i in range(40)]
+    assert [robot.slowed(STOP_WITHIN_M) for robot in own] == [*run.robots("train", 40)]
+    assert sum(robot.stop_distance_m > STOP_WITHIN_M for robot in own) > 5, "some would be faster"
+    assert run.about_policy().extra["environment"]["stop_within_m"] == STOP_WITHIN_M
+    assert [*Run.of(RunConfig(robot="any", stop_within_m=1000.0)).robots("train", 40)] == own
+    assert "stop_within_m" not in Run.of(RunConfig()).about_policy().extra["environment"]
 
 
 def test_each_task_has_a_robot_of_its_own_of_the_training_split():
@@ -72,6 +82,25 @@ def test_what_a_family_cannot_do_is_one_line(options: dict, told: str):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    "options", [{"expert": "few:3"}, {"dataset": Path("drives")}, {"fine_tune": Path("diffbot")}], ids=str
+)
+def test_rounds_of_demonstrations_need_somebody_to_ask(options: dict):
+    with pytest.raises(ConfigError, match="demonstration_rounds asks an expert"):
+        RunConfig(demonstration_rounds=2, method="adrl", **options)
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_training_begins_with_the_clone_of_the_rounds_the_same_from_the_same_seed(tmp_path: Path):
+    rounds = ("--demonstration-rounds", "2", "--guidance", "map")
+    prints = []
+    for name in ("one", "two"):
+        assert run_cli(*TRAIN, *rounds, "--out", tmp_path / name) == 0
+        prints.append(find_policy(tmp_path / name).fingerprint)
+    assert prints[0] == prints[1]
+
+
 @pytest.mark.slow
 @pytest.mark.integration
 def test_one_command_trains_for_any_robot_and_goes_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]):
@@ -84,6 +113,8 @@ def test_one_command_trains_for_any_robot_and_goes_on(tmp_path: Path, capsys: py
     assert policy.family == ANY
     assert policy.robot is None
     assert policy.strange(ROBOTS["jackal"]) is None
+    assert policy.taken_as(ROBOTS["jackal"]) == ROBOTS["jackal"].slowed(STOP_WITHIN_M)
+    assert policy.taken_as(ROBOTS["diffbot"]) == ROBOTS["diffbot"], "it stops in less"
     drives = (
         "--scenario",
         "clutter",

@@ -184,3 +184,25 @@ def test_malformed_demonstrations(recorded: Demonstrations, fault: str, message:
     spoil(fault, data)
     with pytest.raises(DatasetError, match=message):
         Demonstrations(**data)
+
+
+def test_where_a_learner_drives_the_labels_are_still_the_experts() -> None:
+    """DAgger: what is executed is the learner's, what is shown is what the expert would do there."""
+    env = NavVectorEnv(8, task_pool=16)
+    turn = np.tile(np.array([-0.5, 0.25], np.float32), (8, 1))
+    calm = NoiseConfig(fraction=0.0)
+    data = collect(env, 800, noise=calm, seed=2, learner=lambda observation: turn[: len(observation)])
+    np.testing.assert_array_equal(data.action, np.tile(turn[0], (len(data), 1)))
+    led = collect(env, 800, noise=calm, seed=2)
+    first = [k * len(data) // 8 for k in range(8)]
+    np.testing.assert_array_equal(data.expert_action[first], led.expert_action[first])
+    assert (data.expert_action != data.action).any(axis=1).mean() > 0.9
+
+
+def test_what_is_shown_later_follows_what_was_shown_before(recorded: Demonstrations) -> None:
+    more = collect(NavVectorEnv(4, task_pool=8), 40, seed=9)
+    both = recorded.followed_by(more)
+    assert len(both) == len(recorded) + len(more)
+    for name, column in columns(both).items():
+        np.testing.assert_array_equal(column[: len(recorded)], columns(recorded)[name])
+        np.testing.assert_array_equal(column[len(recorded) :], columns(more)[name])

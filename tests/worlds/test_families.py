@@ -15,6 +15,7 @@ from adrl.errors import ConfigError, UnknownName
 from adrl.types import SPLITS, LidarConfig, RobotConfig
 from adrl.worlds import FAMILIES, ROBOTS, LidarFamily, RobotFamily, load_robot, load_robots
 from adrl.worlds.families import family_from_fields
+from random_robots import robots
 
 ANY = FAMILIES["any"]
 NUMBERS = st.integers(0, 5000)
@@ -225,3 +226,20 @@ def test_a_family_is_no_robot_and_a_robot_no_family(tmp_path: Path) -> None:
         ANY.draw("tests", 0)
     with pytest.raises(ConfigError, match="give 0 or more"):
         ANY.draw("test", -1)
+
+
+@settings(deadline=None)
+@given(robots(), st.floats(0.02, 1.5))
+def test_a_slowed_robot_stops_within_the_metres_and_no_slower_than_that_asks(
+    robot: RobotConfig, within_m: float
+):
+    slowed = robot.slowed(within_m)
+    assert slowed.stop_distance_m <= within_m * (1.0 + 1e-9)
+    if slowed is robot:
+        assert robot.stop_distance_m <= within_m
+        return
+    assert slowed.stop_distance_m == pytest.approx(within_m)
+    assert slowed.max_speed_mps < robot.max_speed_mps
+    assert slowed.min_speed_mps == max(robot.min_speed_mps, -slowed.max_speed_mps)
+    same = replace(slowed, max_speed_mps=robot.max_speed_mps, min_speed_mps=robot.min_speed_mps)
+    assert same == robot, "nothing else is changed"

@@ -153,7 +153,7 @@ def cloning_loss(actor: Array, critics: Array, expert: ExpertBatch, weights: Wei
     While the actor only clones (q_weight 0) the critics are not yet to be trusted, and w is 1.
     """
     action = networks.actor(actor, expert.observation, shape.actor)
-    error = ((action - expert.action) ** 2).sum(axis=-1)
+    error = squared_error(action, expert.action)
     if shape.td3.row_weights == "all":
         return error.mean()
     sizes, layer_norm = shape.critic, shape.td3.critic_layer_norm
@@ -168,6 +168,11 @@ def cloning_loss(actor: Array, critics: Array, expert: ExpertBatch, weights: Wei
     else:
         row = 1.0 - weights.release * state_maturity(of_actor, of_expert)
     return (error * jax.lax.stop_gradient(jnp.where(weights.q_weight == 0.0, 1.0, row))).mean()
+
+
+def squared_error(action: Array, label: Array) -> Array:
+    """|a - a_e|^2 of actions (M, 2) and labels (M, 2): (M,)."""
+    return ((action - label) ** 2).sum(axis=-1)
 
 
 def expert_is_better(of_actor: Array, of_expert: Array) -> Array:

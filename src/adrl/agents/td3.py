@@ -148,6 +148,36 @@ def make_update(shape: Shape) -> Update:
     return jax.jit(update, donate_argnums=0)
 
 
+class CloneState(NamedTuple):
+    """All that cloning alone changes."""
+
+    actor: Array
+    average_actor: Array
+    adam: Adam
+
+
+def fresh_clone(actor: np.ndarray) -> CloneState:
+    """A clone of these parameters (P,), which nothing has been shown to."""
+    moments = Adam(jnp.zeros(actor.shape), jnp.zeros(actor.shape), jnp.zeros(()))
+    return CloneState(jnp.array(actor), jnp.array(actor), moments)
+
+
+def make_cloning(
+    sizes: networks.Sizes, learning_rate: float
+) -> Callable[[CloneState, ExpertBatch], CloneState]:
+    """Compile updates by the cloning loss of eq 6 alone: state (donated), batches (U, B, ...) -> new state."""
+
+    def error(actor: Array, batch: ExpertBatch) -> Array:
+        return losses.squared_error(networks.actor(actor, batch.observation, sizes), batch.action).mean()
+
+    def update(state: CloneState, batch: ExpertBatch) -> tuple[CloneState, None]:
+        actor, adam = _adam(state.actor, jax.grad(error)(state.actor, batch), state.adam, learning_rate)
+        average = _follow(state.average_actor, actor, Td3Config.actor_average, adam.steps)
+        return CloneState(actor, average, adam), None
+
+    return jax.jit(lambda state, batches: jax.lax.scan(update, state, batches)[0], donate_argnums=0)
+
+
 @functools.cache
 def make_probe_value(shape: Shape) -> Callable[[LearnerState, Array], Array]:
     """Compile mean_s0 min_i Q'_i(s0, pi(s0)) over (P, D) start states (eq 2, corrected)."""

@@ -20,7 +20,14 @@ PLACE = "Where to drive, beside the common options."
 GROUPS = {
     "expert": (
         "Demonstrations, and what they are used for first.",
-        ("expert", "demonstration_steps", "dataset", "pretrain_updates", "critic_warmup_updates"),
+        (
+            "expert",
+            "demonstration_steps",
+            "demonstration_rounds",
+            "dataset",
+            "pretrain_updates",
+            "critic_warmup_updates",
+        ),
     ),
     "simulation": ("What trains, and in how many worlds.", ("env", "num_envs", "task_pool", "randomize")),
     "learning": (

@@ -50,6 +50,7 @@ class OnnxPolicy:
             self.told_of_body = encoder.get("body", False)
             self.replanner = ReplannerConfig(**parse_json(about.get("replanner", "{}"), dict[str, Any]))
             self.maturity = parse_json(about["maturity"], float)
+            self.stop_within_m = float(about.get("stop_within_m", "inf"))
         except (TypeError, ConfigError, FileError) as error:
             raise CheckpointError(
                 f"{name}: its metadata is damaged ({brief(error)}); export it again"

@@ -1,6 +1,7 @@
 """The one place where what a user calls a policy becomes one: name, folder, file, module:object, or the object."""
 
 import importlib
+import math
 import os
 import sys
 from collections.abc import Callable, Collection, Mapping
@@ -52,6 +53,8 @@ class ResolvedPolicy:
     """Whether it makes its own routes: with guidance `replan` no replanner makes any for it."""
     told_of_body: bool = False
     """Whether it is told what the robot's body is, and takes each as it is."""
+    stop_within_m: float = math.inf
+    """From all the speeds that it asks for a robot stops within so many metres."""
     encoder_inside: bool = False
     """Whether it encodes measurements by itself, as one of its own robot."""
     guidance: str = "goal"
@@ -94,8 +97,9 @@ class ResolvedPolicy:
         Raises ConfigError for one with the encoder of its own robot inside that would see another one wrong.
         """
         if self.robot is None:
-            return driven
+            return driven.slowed(self.stop_within_m)
         taken_as = driven if self.told_of_body else as_trained(driven, self.trained_as or self.robot)
+        taken_as = taken_as.slowed(self.stop_within_m)
         if self.encoder_inside:
             require_encodable(
                 self.name, self.robot, taken_as, self.encoder.history_steps, body=self.told_of_body
@@ -210,6 +214,7 @@ def _described(policy: Any, text: str | None) -> ResolvedPolicy:
             "plans_itself",
             "told_of_body",
             "encoder_inside",
+            "stop_within_m",
             "guidance",
             "replanner",
             "maturity",
@@ -245,6 +250,7 @@ def _trained(policy: MlpPolicy) -> ResolvedPolicy:
         family=setup.family,
         trained_as=setup.trained_as,
         told_of_body=setup.encoder.body,
+        stop_within_m=setup.stop_within_m,
         encoder=setup.encoder,
         guidance=config.guidance,
         replanner=setup.replanner,

@@ -190,6 +190,7 @@ class _Environment(TypedDict, total=False):
     worlds: list[str] | None
     replanner: dict[str, Any]
     taken_as: dict[str, Any]
+    stop_within_m: Annotated[float, Meta(gt=0.0)]
 
 
 class _Reward(TypedDict, total=False):

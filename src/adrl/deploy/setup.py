@@ -1,5 +1,6 @@
 """The robot, encoder and replanner that a policy was trained with, from its config.json."""
 
+import math
 from dataclasses import dataclass
 
 from adrl.deploy.another_robot import as_trained, robot_differences
@@ -25,10 +26,15 @@ class Setup:
     encoder: EncoderConfig
     replanner: ReplannerConfig
     """The constants of guidance `replan`; the defaults for a policy that was trained without."""
+    stop_within_m: float = math.inf
+    """From all the speeds that it asks for a robot stops within so many metres."""
 
     def taken_as(self, driven: RobotConfig) -> RobotConfig:
-        """A robot as the policy takes it: as it is where the policy is told of it."""
-        return driven if self.trained_as is None or self.encoder.body else as_trained(driven, self.trained_as)
+        """A robot as the policy takes it: where the policy is told of it as it is, but for speeds that it does not
+        use."""
+        if self.trained_as is not None and not self.encoder.body:
+            driven = as_trained(driven, self.trained_as)
+        return driven.slowed(self.stop_within_m)
 
     def exported_for(self, robot: RobotConfig | None) -> RobotConfig:
         """The robot that an export drives, as the policy takes it. Raises ConfigError where it is to be another one."""
@@ -44,7 +50,7 @@ class Setup:
             raise ConfigError(
                 f"the policy drives robots of family {name}, and an export is for one; give robot"
             )
-        return robot
+        return robot.slowed(self.stop_within_m)
 
 
 def setup_of(policy: MlpPolicy) -> Setup:
@@ -69,4 +75,11 @@ def setup_of(policy: MlpPolicy) -> Setup:
             f"policy {name!r}: config.json has an encoder of {size} numbers and weights for "
             f"{config.input_size}; restore the file"
         )
-    return Setup(robot=robot, family=family, trained_as=trained_as, encoder=encoder, replanner=replanner)
+    return Setup(
+        robot=robot,
+        family=family,
+        trained_as=trained_as,
+        encoder=encoder,
+        replanner=replanner,
+        stop_within_m=environment.get("stop_within_m", math.inf),
+    )

@@ -145,6 +145,7 @@ def metadata(policy: MlpPolicy, robot: RobotConfig) -> dict[str, str]:
         "guidance": config.guidance,
         "method": config.method,
         "maturity": repr(float(config.maturity)),
+        "stop_within_m": repr(float(config.table("environment").get("stop_within_m", math.inf))),
     }
 
 

@@ -1,8 +1,8 @@
 """Demonstrations of an expert, recorded with noise so that getting back on course is seen too."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +94,15 @@ class Demonstrations:
     def __len__(self) -> int:
         return len(self.observation)
 
+    def followed_by(self, more: Self) -> Self:
+        """These steps, and then others of the same kind."""
+        both = [
+            {f.name: getattr(part, f.name) for f in fields(part)}
+            | {"periods": np.broadcast_to(part.periods, len(part))}
+            for part in (self, more)
+        ]
+        return type(self)(**{name: np.concatenate([part[name] for part in both]) for name in both[0]})
+
     @property
     def ended(self) -> Mask:
         """(M,) whether a step is its episode's last."""
@@ -126,14 +135,17 @@ def collect(
     expert: str | Expert = PERFECT,
     noise: NoiseConfig | None = None,
     seed: int = 0,
+    learner: Callable[[F32], F32] | None = None,
     on_step: Callable[[int, int], None] | None = None,
 ) -> Demonstrations:
     """Let an expert drive all rows of env for at least num_steps steps together, disturbed by noise.
 
-    Records what was executed and what the expert would have done. An expert of so many `drives` shows these instead of
-    num_steps steps. seed: of the tasks, the sensors, the expert and the noise; equal seeds give equal bytes.
-    on_step(done, total) is told the progress, in steps or drives. Episodes that run at the end are marked truncated,
-    as are drives that the expert gives up. Raises ConfigError if there is nothing to record, env does not reset ended
+    Records what was executed and what the expert would have done. learner: observations (N, D) -> actions (N, 2),
+    drives in the expert's place, so that labels are of the states that it comes to (DAgger, Ross et al. 2011). An
+    expert of so many `drives` shows these instead of num_steps steps. seed: of the tasks, the sensors, the expert and
+    the noise; equal seeds give equal bytes. on_step(done, total) is told the progress, in steps or drives. Episodes
+    that run at the end are marked truncated, as are drives that the expert gives up. Raises ConfigError if there is
+    nothing to record, env does not reset ended
     rows by itself, or the expert cannot drive its robot.
     """
     if num_steps < 1:
@@ -149,7 +161,8 @@ def collect(
     steps: list[dict[str, NDArray[Any]]] = []
     while not extent.reached:
         label = driver.actions()
-        action = driver.within_reach(label + offsets.step(env.sim.rows.robot.control_period_s))
+        meant = label if learner is None else learner(observation)
+        action = driver.within_reach(meant + offsets.step(env.sim.rows.robot.control_period_s))
         periods = env.periods
         following, terminated, truncated, info = env.advance(action)
         given_up = driver.given_up & ~(terminated | truncated)

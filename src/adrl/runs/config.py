@@ -61,12 +61,19 @@ class RunConfig(Place):
     demonstration_steps: Annotated[int, Range(0, 100_000_000)] | None = None
     """Environment steps of demonstrations to collect, 0 to 1e+08; of the expert few its drives, whatever they take.
     Left out: 10000, and 3000 with fine_tune."""
+    demonstration_rounds: Annotated[int, Range(0, 1000)] = 0
+    """In so many rounds after the first a clone of all that was shown so far drives, and the expert says what it would
+    do where that comes to: DAgger (Ross et al. 2011). demonstration_steps are shared out evenly, and training begins
+    with the last clone, which is held until the critics are warm; 0 to 1000."""
     dataset: Path | None = None
     """Minari dataset of demonstrations to use instead of collecting them."""
     validation_episodes: Annotated[int, Range(1, 1_000_000)] = 100
     """Validation tasks of each evaluation during training, every learner.eval_interval_steps; 1 to 1e+06."""
     randomize: bool = True
     """Vary robots and sensors mildly from episode to episode."""
+    stop_within_m: Annotated[float, Range(0.01, 1000.0)] | None = None
+    """The policy asks for no more speed than the robot stops from within so many metres: what is learnt of one robot
+    is then of use to another; 0.01 to 1000. Left out: 0.3 for a family, 1000 for a robot."""
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     learner: Annotated[TrainConfig, tyro.conf.arg(name="")] = field(default_factory=TrainConfig)
 
@@ -84,6 +91,16 @@ class RunConfig(Place):
                 raise ConfigError(
                     f"method {method_name(self.chosen_method)!r} learns without an expert; leave out {name}"
                 )
+        unasked = {
+            "dataset": self.dataset is not None,
+            "fine_tune": self.fine_tune is not None,
+            f"expert {self.expert}": getattr(find_expert(self.expert), "drives", None) is not None,
+        }
+        for other in (name for name, given in unasked.items() if given and self.demonstration_rounds > 0):
+            raise ConfigError(
+                f"demonstration_rounds asks an expert what it would do where a clone drives, and {other} leaves nobody "
+                "to ask; leave one out"
+            )
         if self.dataset is not None and chosen:
             raise ConfigError(
                 f"expert {self.expert} would drive, and dataset holds what was driven; leave one out"

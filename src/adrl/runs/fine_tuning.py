@@ -1,5 +1,6 @@
 """What fine-tuning takes over from the policy that it begins with."""
 
+import math
 import os
 from dataclasses import dataclass, replace
 from typing import Self
@@ -64,4 +65,13 @@ class Start:
         if learner.eval_interval_steps is None and config.env == NATIVE:
             learner = replace(learner, eval_interval_steps=VALIDATION_STEPS)
         replanner = self.setup.replanner if config.replanner == ReplannerConfig() else config.replanner
-        return replace(config, encoder=self.setup.encoder, replanner=replanner, learner=learner)
+        stop_within_m = config.stop_within_m
+        if stop_within_m is None and math.isfinite(self.setup.stop_within_m):
+            stop_within_m = self.setup.stop_within_m
+        return replace(
+            config,
+            encoder=self.setup.encoder,
+            replanner=replanner,
+            stop_within_m=stop_within_m,
+            learner=learner,
+        )

@@ -1,6 +1,7 @@
 """What a run says of itself: with its policy, and in its folder."""
 
 import json
+import math
 import platform
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -64,6 +65,7 @@ def about_policy(
                 **({"fine_tune": str(config.fine_tune)} if config.fine_tune is not None else {}),
                 **({PLANNER: planner.controller} if planner is not None else {}),
                 **({"taken_as": asdict(run.taken_as)} if run.taken_as not in (None, run.robot) else {}),
+                **({"stop_within_m": run.stop_within_m} if math.isfinite(run.stop_within_m) else {}),
                 **_worlds(run),
                 "replanner": asdict(run.replanner),
             },

@@ -1,6 +1,7 @@
 """A training run, resolved: objects, nothing left to look up. Made once, at the door, and handed on."""
 
 import functools
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -22,7 +23,7 @@ from adrl.imitation.best_planner import Trial
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.runs.config import RunConfig
-from adrl.runs.fine_tuning import Start
+from adrl.runs.fine_tuning import WARM_UPDATES, Start
 from adrl.runs.record import about_policy
 from adrl.simulators import NATIVE, Simulator, find_simulator
 from adrl.types import RobotConfig, Scenario, Task
@@ -57,6 +58,7 @@ class Run:
         """Look up all that the configuration names. Raises AdrlError."""
         start = None if config.fine_tune is None else Start.of(config.fine_tune)
         config = config if start is None else start.begun(config)
+        config = config if config.demonstration_rounds == 0 else _held_until_warm(config)
         scenarios, robot = config.load_all(), load_robots(config.robot)
         _require_native(config, robot)
         if isinstance(robot, RobotFamily):
@@ -69,12 +71,18 @@ class Run:
             guidances=config.guidances,
             replanner=config.resolved_replanner(),
             encoder=config.encoder,
-            taken_as=_taken_as(robot, start),
+            taken_as=_taken_as(config, robot, start),
             expert=find_expert(config.expert),
             simulator=find_simulator(config.env),
             start=start,
             folder=config.out or _default_folder(config, scenarios, robot),
         )
+
+    @property
+    def stop_within_m(self) -> float:
+        """Metres within which a robot stops from all that the policy asks for; infinite where it may be any."""
+        given = self.config.stop_within_m
+        return math.inf if given is None else given
 
     @property
     def num_threads(self) -> int:
@@ -160,7 +168,7 @@ class Run:
         if isinstance(self.robot, RobotConfig):
             return (self.robot,)
         first = self.learner.seed * SEED_ROBOTS if split == "train" else 0
-        return [self.robot.draw(split, first + i) for i in range(count)]
+        return [self.robot.draw(split, first + i).slowed(self.stop_within_m) for i in range(count)]
 
     def mixture(self, split: str, count: int) -> Mixture:
         """What `count` tasks of a split are made of."""
@@ -172,6 +180,8 @@ class Run:
 
 SEED_ROBOTS = 1_000_000
 """Training robots that belong to one seed: as many as a pool may have tasks."""
+STOP_WITHIN_M = 0.3
+"""Of a family, if nothing else is said: see RunConfig.stop_within_m, and docs/decisions.md for what more costs."""
 REACH_M = 10.0
 """Where the scale of the scan's distances ends for a policy of a family, if nothing else is said: farther is free."""
 
@@ -195,8 +205,16 @@ def _require_native(config: RunConfig, robot: RobotConfig | RobotFamily) -> None
             )
 
 
+def _held_until_warm(config: RunConfig) -> RunConfig:
+    """The run that begins with a clone: cold critics would undo what it can."""
+    if config.learner.critic_warmup_updates > 0:
+        return config
+    return replace(config, learner=replace(config.learner, critic_warmup_updates=WARM_UPDATES))
+
+
 def _of_family(config: RunConfig, family: RobotFamily, start: Start | None) -> RunConfig:
-    """The run of a family: the policy is told of the body, and metres read the same for all of its robots.
+    """The run of a family: the policy is told of the body, metres read the same for all of its robots, and none drives
+    faster than it stops within a few of them.
 
     Raises ConfigError for a policy to begin with that is not.
     """
@@ -208,13 +226,15 @@ def _of_family(config: RunConfig, family: RobotFamily, start: Start | None) -> R
     encoder = config.encoder
     if start is None:
         encoder = replace(encoder, body=True, reach_m=REACH_M if encoder.reach_m is None else encoder.reach_m)
-    return replace(config, encoder=encoder)
+    stop_within_m = STOP_WITHIN_M if config.stop_within_m is None else config.stop_within_m
+    return replace(config, encoder=encoder, stop_within_m=stop_within_m)
 
 
-def _taken_as(robot: RobotConfig | RobotFamily, start: Start | None) -> RobotConfig | None:
+def _taken_as(config: RunConfig, robot: RobotConfig | RobotFamily, start: Start | None) -> RobotConfig | None:
     if isinstance(robot, RobotFamily):
         return None
-    return robot if start is None else start.setup.taken_as(robot)
+    taken_as = robot if start is None else start.setup.taken_as(robot)
+    return taken_as if config.stop_within_m is None else taken_as.slowed(config.stop_within_m)
 
 
 def _default_folder(

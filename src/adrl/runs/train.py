@@ -8,15 +8,17 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from adrl import extras, files
 from adrl.agents import budget, checkpoint
 from adrl.agents.interface import Progress, TrainResult
 from adrl.agents.methods import method_name
 from adrl.agents.metrics import METRICS_FILE, TENSORBOARD_FOLDER
-from adrl.deploy.policy import WEIGHTS_FILE
+from adrl.deploy.policy import WEIGHTS_FILE, MlpPolicy
 from adrl.envs import Body, NavVectorEnv
 from adrl.errors import AdrlError, ConfigError
-from adrl.imitation import Demonstrations, Source, collect, load_minari
+from adrl.imitation import Demonstrations, NoiseConfig, Source, collect, load_minari
 from adrl.imitation.best_planner import best_planner
 from adrl.imitation.probe import Probe, as_shown, probe_steps, record_probe
 from adrl.outputs import locked, require_folder
@@ -30,6 +32,12 @@ from adrl.worlds import RobotFamily
 LOG = logging.getLogger("adrl.runs")
 PROBE_STATES = 32
 """Each is driven from twice: at random, and by the expert."""
+CLONING_UPDATES = 5_000
+"""Of the clone in each round of demonstrations; twice as many after the last."""
+CALM = NoiseConfig(fraction=0.3, std=0.2)
+"""How a clone is pushed off its course: less than an expert, as it makes mistakes of its own."""
+TASKS_APART = 1_000_003
+"""Between the seeds of two rounds: other tasks, and other noise."""
 VERSIONS_FILE = "versions.json"
 RUN_FILES = (VERSIONS_FILE, METRICS_FILE, WEIGHTS_FILE, checkpoint.FOLDER)
 """One of these stands in the folder of a run."""
@@ -143,7 +151,7 @@ def _train(
     planner = best_planner(env) if drives else None
     if planner is not None:
         env.expert = planner.controller
-    demonstrations = _demonstrations(run, env) if shown else None
+    demonstrations, clone = _demonstrations(run, env) if shown else (None, None)
     demonstrated_s = time.monotonic()
     probe = None
     if probed:
@@ -171,7 +179,7 @@ def _train(
             demonstrations=demonstrations if imitates else None,
             probe=probe,
             mirror=env.sim.encoder.mirror,
-            start=None if run.start is None else run.start.policy,
+            start=clone if run.start is None else run.start.policy,
             keep_best=run.start is not None and run.simulator is None,
             evaluate=run.validation(),
             on_progress=on_progress,
@@ -204,12 +212,32 @@ def _no_more_is_shown(run: Run) -> bool:
     return run.config.dataset is not None or getattr(run.expert, "drives", None) is not None
 
 
-def _demonstrations(run: Run, env: NavVectorEnv) -> Demonstrations:
-    config = run.config
+def _demonstrations(run: Run, env: NavVectorEnv) -> tuple[Demonstrations, MlpPolicy | None]:
+    """What is shown, and the clone of it that training begins with, if there is one."""
+    config, learner = run.config, run.learner
     if config.dataset is not None:
-        return load_minari(config.dataset, Source.of(env))
+        return load_minari(config.dataset, Source.of(env)), None
     if run.demonstration_steps == 0:
         raise ConfigError(
             f"method {method_name(config.chosen_method)!r} needs demonstrations; demonstration_steps is 0"
         )
-    return collect(env, run.demonstration_steps, expert=run.expert, seed=config.learner.seed)
+    rounds = config.demonstration_rounds
+    steps = -(-run.demonstration_steps // (rounds + 1))
+    shown = collect(env, steps, expert=run.expert, seed=learner.seed)
+    if rounds == 0:
+        return shown, None
+
+    from adrl.agents.cloning import Clone
+
+    mirror = env.sim.encoder.mirror if learner.mirror else None
+    clone = Clone(learner.td3, shown.observation.shape[1], mirror, np.random.default_rng((learner.seed, 2)))
+    about = replace(run.about_policy(), input_size=shown.observation.shape[1], widths=learner.td3.widths)
+    for number in range(1, rounds + 1):
+        clone.fit(shown, CLONING_UPDATES)
+        seed = learner.seed + number * TASKS_APART
+        driven = collect(
+            env, steps, expert=run.expert, noise=CALM, seed=seed, learner=clone.policy(about).act
+        )
+        shown = shown.followed_by(driven)
+    clone.fit(shown, 2 * CLONING_UPDATES)
+    return shown, clone.policy(about)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Annotated, Any, Self
 
@@ -199,6 +199,18 @@ class RobotConfig(HasNative):
         speed, tail = self.max_speed_mps, self._tail_mps
         braking_m = (speed**2 - tail**2) / (2.0 * self.max_acceleration_mps2)
         return speed * self.latency_s + braking_m + tail * self.lag_s
+
+    def slowed(self, stop_within_m: float) -> Self:
+        """The same robot, told no more than the speeds from which it stops within so many metres; itself where it
+        does at its own."""
+        if self.stop_distance_m <= stop_within_m:
+            return self
+        lag, latency, brake = self.lag_s, self.latency_s, self.max_acceleration_mps2
+        speed = stop_within_m / (latency + lag) if latency + lag > 0.0 else math.inf
+        if speed > brake * lag:  # it does not stop by the lag alone: v^2 / 2 b + v latency + b lag^2 / 2
+            way = stop_within_m - 0.5 * brake * lag**2
+            speed = brake * (math.sqrt(latency**2 + 2.0 * way / brake) - latency)
+        return replace(self, max_speed_mps=speed, min_speed_mps=max(self.min_speed_mps, -speed))
 
     @property
     def _tail_mps(self) -> float:

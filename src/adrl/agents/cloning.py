@@ -1,0 +1,43 @@
+"""Cloning by itself: an actor fitted to what an expert would do, before anything is known of values."""
+
+import numpy as np
+
+from adrl.agents import networks, td3
+from adrl.agents.actor_policy import policy_of
+from adrl.agents.config import Td3Config
+from adrl.agents.losses import ExpertBatch
+from adrl.deploy.policy import MlpPolicy, PolicyConfig
+from adrl.imitation import Demonstrations
+from adrl.observation import Mirror
+
+ROWS = 512
+"""Of an update. Labels are cheap, and the clone is waited for: a small batch would only be noisier."""
+UPDATES_A_CALL = 50
+
+
+class Clone:
+    """An actor of a run's size that goes on being fitted to more and more labels. Its policy is the averaged actor."""
+
+    def __init__(
+        self, config: Td3Config, observation_size: int, mirror: Mirror | None, rng: np.random.Generator
+    ) -> None:
+        """mirror: of the observations; half of the rows are mirrored, None for a robot that is not symmetric."""
+        self._sizes = networks.actor_sizes(observation_size, config.widths)
+        self._mirror, self._rng = mirror, rng
+        vector = networks.init(rng, self._sizes)
+        self._state = td3.fresh_clone(vector)
+        self._update = td3.make_cloning(self._sizes, config.actor_learning_rate)
+
+    def fit(self, shown: Demonstrations, updates: int) -> None:
+        """So many updates more, rounded up to whole calls, on labels drawn evenly from all that was shown."""
+        for _ in range(-(-updates // UPDATES_A_CALL)):
+            index = self._rng.integers(len(shown), size=(UPDATES_A_CALL, ROWS))
+            observation, label = shown.observation[index], shown.expert_action[index]
+            if self._mirror is not None:
+                self._mirror.observation(observation[:, ::2])
+                self._mirror.action(label[:, ::2])
+            self._state = self._update(self._state, ExpertBatch(observation, label))
+
+    def policy(self, config: PolicyConfig) -> MlpPolicy:
+        """The averaged actor in numpy, with its own memory."""
+        return policy_of(self._state.average_actor, self._sizes, config)
