@@ -103,6 +103,46 @@ class MotionCues:
     ) -> None:
         """kind (N,) of the rows; K at least each one's beams."""
 
+class NearestTracks:
+    """Which clusters of hits of a fan of beams move; see adrl.observation.tracks. Stateless, as MotionCue."""
+    def __init__(
+        self,
+        num_beams: int,
+        angle_min_rad: float,
+        angle_increment_rad: float,
+        mount: tuple[float, float, float],
+        max_range_m: float,
+        period_s: float,
+        num_tracks: int,
+    ) -> None: ...
+
+class NearestTracksOfKinds:
+    """For robots of several kinds."""
+    def __init__(self, kinds: Sequence[NearestTracks]) -> None: ...
+    def compute(self, kind: I64, ranges: F32, poses: F64, newest: int, count: int, out: F32) -> None:
+        """kind (N,) of the rows; rings of scans (S, N, K) and robot poses (S, N, 3), of which the last `count` up to
+        `newest` are followed -> out (N, T, 5): place x, y, m, velocity, m/s, in the robot's frame, and age, s, of the
+        nearest that move; zeros where there are no more."""
+
+class Tracker:
+    """Follows what moves from scan to scan of one LiDAR, whatever its beams and the time between."""
+    def __init__(self) -> None: ...
+    def forget(self) -> None: ...
+    def take(
+        self,
+        stamp_s: float,
+        sensor: tuple[float, float, float],
+        angle_min_rad: float,
+        angle_increment_rad: float,
+        seen: F64,
+        beams: I32,
+        points: F64,
+    ) -> tuple[F64, F64]:
+        """seen (K,): metres that each beam has passed, 0 where it tells nothing; beams (H,) that have hit something,
+        rising; points (H, 2) where, in the frame of the sensor's pose -> (H, 2) velocities, 0 of what stands; (H,)
+        metres across of what was ever seen to move, infinity of the rest. A scan that is no newer than the last begins
+        anew."""
+
 NUM_PARAMS: int
 """Columns of BatchSim's params: speed gain, yaw gain, acceleration, yaw acceleration, lag_s, latency_s, range noise,
 dropout probability, relative odometry error of speed and of yaw rate."""

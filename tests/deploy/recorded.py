@@ -15,15 +15,16 @@ from adrl.types import RobotConfig, Task
 from adrl.worlds import FAMILIES
 
 
-def a_policy(robot: RobotConfig, *, history_steps: int = 0) -> MlpPolicy:
-    """The shipped policy of the diffbot for any robot; with motion cues it heeds them too, at random."""
+def a_policy(robot: RobotConfig, *, history_steps: int = 0, num_tracks: int = 0) -> MlpPolicy:
+    """The shipped policy of the diffbot for any robot; with motion cues or tracks it heeds them too, at random."""
     shipped = load_policy(resolve_policy("diffbot"))
-    encoder = EncoderConfig(history_steps=history_steps)
+    encoder = EncoderConfig(history_steps=history_steps, num_tracks=num_tracks)
     layers = list(shipped.layers)
-    if history_steps > 0:
+    more = ObservationEncoder(robot, encoder).size - len(layers[0][0])
+    if more > 0:
         weight, bias = layers[0]
-        cues = np.random.default_rng(0).normal(0.0, 0.05, (encoder.num_sectors, weight.shape[1]))
-        layers[0] = (np.concatenate([weight, cues.astype(np.float32)]), bias)
+        heeds = np.random.default_rng(0).normal(0.0, 0.05, (more, weight.shape[1]))
+        layers[0] = (np.concatenate([weight, heeds.astype(np.float32)]), bias)
     config = dataclasses.replace(
         shipped.config,
         input_size=len(layers[0][0]),

@@ -1,5 +1,6 @@
 """The supervisor and the recovery among people: braking by what moves in the scans, and going on after it."""
 
+import dataclasses
 import math
 from typing import Any
 
@@ -59,14 +60,15 @@ def among(tasks: list[Task], robot: RobotConfig = DIFFBOT) -> NavSim:
     return sim
 
 
-def crossing(seed: int, count: int = 10) -> Task:
+def crossing(seed: int, count: int = 10, *, legs: bool = False) -> Task:
     """People who look at nobody's way cross the robot's."""
     rng = np.random.default_rng(seed)
     starts = rng.uniform(-5.0, 5.0, (4 * count, 2))
     starts = starts[np.hypot(starts[:, 0] + 4.0, starts[:, 1]) > 1.5][:count]
     ends = -starts + rng.uniform(-1.5, 1.5, starts.shape)
     routes = [[tuple(a), tuple(np.clip(b, -5.0, 5.0))] for a, b in zip(starts, ends, strict=True)]
-    return a_task(walkers(routes, rng.uniform(0.5, 1.5, len(starts))), (-4.0, 0.0, 0.0), (1e3, 0.0))
+    who = walkers(routes, rng.uniform(0.5, 1.5, len(starts)), legs=legs)
+    return a_task(who, (-4.0, 0.0, 0.0), (1e3, 0.0))
 
 
 def drive_blindly(tasks: list[Task], robot: RobotConfig, steps: int) -> tuple[int, int, float]:
@@ -94,9 +96,12 @@ def drive_blindly(tasks: list[Task], robot: RobotConfig, steps: int) -> tuple[in
     return at_fault, avoidable, float(sim.b["travelled"].mean())
 
 
-def test_nobody_is_driven_into_whom_braking_would_have_spared(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("legs", [False, True])
+def test_nobody_is_driven_into_whom_braking_would_have_spared(
+    legs: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """And without a look at what moves some are: so the test can fail."""
-    tasks = [crossing(seed) for seed in range(8)]
+    tasks = [crossing(seed, legs=legs) for seed in range(8)]
     _, avoidable, driven_m = drive_blindly(tasks, DIFFBOT, 80)
     assert avoidable == 0
     assert driven_m > 0.8
@@ -129,6 +134,49 @@ def test_velocities_are_those_of_who_walks_and_nothing_that_stands_moves(turn: f
         sim.native.step()
     assert len(off) > 60
     assert np.quantile(off, 0.9) < 0.35
+
+
+def test_legs_are_given_the_room_of_the_body_about_them() -> None:
+    """Whichever way a person walks or has walked by, and wherever the legs are: a LiDAR near the floor sees no more."""
+    ways = [
+        [(2.0, -2.5), (2.0, 2.5)],
+        [(4.5, 0.6), (-5.0, 0.6)],
+        [(-1.5, 2.5), (-1.2, -0.8)],
+        [(-4.0, -1.4), (4.0, -0.9)],
+    ]
+    who = walkers(ways, [1.3, 0.9, 0.7, 1.5], legs=True)
+    sim = among([a_task(who, (0.0, 0.0, 0.0), (1e3, 0.0))], rid_of_noise(DIFFBOT))
+    around = Surroundings(DIFFBOT, DIFFBOT.lidar.mount, margin_m=0.02, largest_hole_rad=0.35)
+    looked = 0
+    for k in range(45):
+        pose = tuple(sim.b["odometry"][0].tolist())
+        around.take(as_scan(sim.b["ranges"][0], DIFFBOT.lidar, 0.1 * k), pose, pose)
+        known = around.moving_from(pose, 0.1 * k)
+        for x, y, vx, vy in sim.b["people"][0, : len(who), :4]:
+            own = known[np.hypot(known[:, 0] - x, known[:, 1] - y) < 0.3]
+            if len(own) == 0 or math.hypot(x, y) > 3.0 or math.hypot(vx, vy) < 0.5:
+                continue
+            looked += 1
+            room_m = (np.hypot(own[:, 0], own[:, 1]) - own[:, 2]).min()
+            assert room_m < math.hypot(x, y) - 0.25
+        sim.native.step()
+    assert looked > 40
+
+
+def test_scans_that_were_wrong_leave_what_moved_as_it_was_before_them() -> None:
+    sim = among([a_task(walkers([[(2.0, -2.5), (2.0, 2.5)]], 1.0), (0.0, 0.0, 0.0), (1e3, 0.0))])
+    around = Surroundings(DIFFBOT, DIFFBOT.lidar.mount, margin_m=0.02, largest_hole_rad=0.35)
+    pose = (0.0, 0.0, 0.0)
+    before = NOTHING
+    for k in range(10):
+        before = around.moving_from(pose, 0.1 * k)
+        scan = as_scan(sim.b["ranges"][0], DIFFBOT.lidar, 0.1 * k)
+        suspected = dataclasses.replace(scan, ranges=scan.ranges[:90].copy())
+        around.take(suspected if k == 9 else scan, pose, pose, clears=k < 9)
+        sim.native.step()
+    assert len(around.moving_from(pose, 0.9)) != len(before) > 0
+    around.revert()
+    np.testing.assert_array_equal(around.moving_from(pose, 0.9)[:, :5], before[:, :5])
 
 
 # --- the kernel --------------------------------------------------------------------------------------------

@@ -17,6 +17,7 @@ from adrl.observation.motion import F32
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import LidarConfig, RobotConfig, Task, World
 from adrl.worlds import FAMILIES, ROBOTS, get_scenario, single_task, task_set
+from adrl.worlds.people import among_people
 from deploy.recorded import Moment, a_policy, a_policy_of_a_family, record
 from env_tasks import room
 
@@ -71,6 +72,15 @@ def driven(
 def test_commands_are_those_of_the_simulator(robot: RobotConfig, guidance: str, history_steps: int):
     (task,) = task_set(get_scenario("dynamic"), robot, "test", 1)
     ours, theirs, _ = driven(robot, guidance, task, history_steps)
+    assert len(ours) > 20
+    np.testing.assert_allclose(ours, theirs[: len(ours)], atol=1e-5)
+
+
+@pytest.mark.parametrize("history_steps", [0, 2])
+def test_commands_are_those_of_the_simulator_with_tracks(history_steps: int):
+    (task,) = task_set(among_people(get_scenario("crowd"), 12, None, legs=False), DRIFTING, "test", 1)
+    policy = a_policy(DRIFTING, history_steps=history_steps, num_tracks=3)
+    ours, theirs, _ = driven(DRIFTING, "goal", task, history_steps, policy=policy)
     assert len(ours) > 20
     np.testing.assert_allclose(ours, theirs[: len(ours)], atol=1e-5)
 

@@ -12,13 +12,17 @@ import pytest
 
 from adrl.deploy import MlpPolicy, Scan
 from adrl.deploy.lidar import LidarAdapter
+from adrl.deploy.onnx_policy import load_onnx
 from adrl.deploy.setup import setup_of
-from adrl.errors import MissingExtra
+from adrl.envs import NavSim
+from adrl.errors import ConfigError, MissingExtra
 from adrl.export.onnx_graph import to_onnx
+from adrl.export.plain import to_safetensors
 from adrl.observation import ObservationEncoder, to_twist
 from adrl.observation.motion import ScanHistory
 from adrl.types import RobotConfig
-from adrl.worlds import ROBOTS
+from adrl.worlds import ROBOTS, get_scenario, task_set
+from adrl.worlds.people import among_people
 from deploy.recorded import a_policy
 from deploy.scan_rows import ScanRows, random_rows
 
@@ -86,6 +90,28 @@ def test_onnxruntime_agrees(robot: RobotConfig, history_steps: int):
     np.testing.assert_allclose(action, expected[0], atol=1e-5)
     greatest = (robot.max_speed_mps, robot.max_yaw_rate_radps)
     np.testing.assert_allclose(velocity / greatest, expected[1] / greatest, atol=1e-5)
+
+
+@pytest.mark.parametrize("history_steps", [0, 2])
+def test_a_model_with_tracks_drives_as_the_policy_it_was_made_of(history_steps: int, tmp_path: Path):
+    """What runs it finds the tracks for it."""
+    robot = ROBOTS["diffbot"]
+    policy = a_policy(robot, history_steps=history_steps, num_tracks=3)
+    (tmp_path / "policy.onnx").write_bytes(to_onnx(policy))
+    model = load_onnx(tmp_path / "policy.onnx")
+    tasks = task_set(among_people(get_scenario("crowd"), 12, None, legs=False), robot, "train", 3)
+    sim = NavSim(3, robot, encoder=setup_of(policy).encoder)
+    sim.reset(np.arange(3), tasks, np.arange(3, dtype=np.uint64), np.random.default_rng(0))
+    tracked = 0
+    for _ in range(30):
+        seen = sim.observe()
+        tracked += np.count_nonzero(seen[:, sim.encoder.places["tracks"]])
+        action = policy.act(seen)
+        np.testing.assert_allclose(model.act(model.encoder.encode(*sim.measured())), action, atol=1e-5)
+        sim.step(action)
+    assert tracked > 100
+    with pytest.raises(ConfigError, match="ONNX"):
+        to_safetensors(policy)
 
 
 @pytest.mark.parametrize("history_steps", [0, 5])

@@ -30,8 +30,8 @@ def bench_act(policy: MlpPolicy, *, steps: int = 5000) -> dict[str, Any]:
     pose, goal, twist = np.zeros((1, 3)), np.array([[3.0, 1.0]]), np.zeros((1, 2))
     action = np.zeros((1, 2), dtype=np.float32)
     history = None
-    if encoder.config.history_steps > 0:
-        history = ScanHistory(1, robot.lidar.num_beams, encoder.config.history_steps)
+    if encoder.history_steps > 0:
+        history = ScanHistory(1, robot.lidar.num_beams, encoder.history_steps)
         history.begin(np.array([0]), scans[0], pose)
     durations = np.empty(steps)
     for k in range(-min(WARM_UP, steps), steps):

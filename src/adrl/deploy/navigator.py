@@ -115,7 +115,7 @@ class Navigator:
             if isinstance(found.encoder, Encoder)
             else ObservationEncoder(self._as_trained, found.encoder)
         )
-        steps = found.encoder.history_steps
+        steps = self._encoder.history_steps
         self._history = ScanHistory(1, self.robot.lidar.num_beams, steps) if steps > 0 else None
         self.guide = Guide()
         """Where to head for."""

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from adrl.deploy.policy import fingerprint, read_model
 from adrl.errors import CheckpointError, ConfigError, FileError, MissingExtra, brief
 from adrl.json_files import parse_json
-from adrl.observation import Measurements
+from adrl.observation import EncoderConfig, Measurements
+from adrl.observation.tracks import Tracks
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import RobotConfig
 from adrl.worlds.robot_files import robot_from_fields
@@ -18,11 +19,16 @@ from adrl.worlds.robot_files import robot_from_fields
 INPUTS = ("ranges", "goal", "twist", "last_action")
 PAST_INPUTS = ("past_ranges", "pose", "past_pose")
 """Those of a model with motion cues beside these."""
+TRACKS = "tracks"
+"""That of a model with tracks."""
 METADATA = ("robot", "encoder", "guidance", "method", "maturity")
 
 
 class _Encoder(TypedDict, total=False):
     history_steps: Annotated[int, Meta(ge=0, le=50)]
+    num_tracks: int
+    near_m: float
+    reach_m: float | None
     body: bool
 
 
@@ -37,7 +43,7 @@ class OnnxPolicy:
         self._session = session
         inputs = tuple(spec.name for spec in session.get_inputs())
         about = session.get_modelmeta().custom_metadata_map
-        if not ({*INPUTS} <= {*inputs} <= {*INPUTS, *PAST_INPUTS} and about.keys() >= {*METADATA}):
+        if not ({*INPUTS} <= {*inputs} <= {*INPUTS, *PAST_INPUTS, TRACKS} and about.keys() >= {*METADATA}):
             raise CheckpointError(
                 f"{name}: not a model of adrl export --onnx (inputs {', '.join(inputs)}); give a policy of your own as "
                 "module:object, see docs/guide/policy.md"
@@ -46,8 +52,10 @@ class OnnxPolicy:
         try:
             encoder = parse_json(about["encoder"], _Encoder)
             self.robot: RobotConfig = robot_from_fields(parse_json(about["robot"], dict[str, Any]))
-            self.encoder = Measurements(encoder.get("history_steps", 0))
-            self.told_of_body = encoder.get("body", False)
+            self.told_of_body = encoder.pop("body", False)
+            config = EncoderConfig(**encoder)
+            tracks = Tracks([self.robot], config) if config.num_tracks > 0 else None
+            self.encoder = Measurements(config.history_steps, tracks)
             self.replanner = ReplannerConfig(**parse_json(about.get("replanner", "{}"), dict[str, Any]))
             self.maturity = parse_json(about["maturity"], float)
             self.stop_within_m = float(about.get("stop_within_m", "inf"))

@@ -18,7 +18,9 @@ LASTS_S = 30.0
 MOVING_LASTS_S = 1.0
 """The same of what moved."""
 MOVING_M = 0.1
-"""More clearance is kept of what moves: where it will be is not known as well."""
+"""More clearance is kept of what moves, unless more of a body is: where it will be is not known as well."""
+BODY_M = 0.35
+"""Half the breadth to reckon with of who walks: a LiDAR near the floor sees legs, which are within it."""
 NEAR_M = 1.0
 """Least distance from the robot within which that is remembered."""
 CELL_M = 0.02
@@ -29,7 +31,8 @@ class Surroundings:
     """Hits in the odometry's frame, each with the clearance to keep of it.
 
     clearance: margin_m, and half the way at that range to the next beams that tell something: no surface hides between
-    two hits. Hits within the footprint are the robot's own body, and are none.
+    two hits; of who walks, or has, also the body about the legs. Hits within the footprint are the robot's own body,
+    and are none.
     """
 
     def __init__(self, robot: RobotConfig, mount: Pose, *, margin_m: float, largest_hole_rad: float) -> None:
@@ -49,10 +52,12 @@ class Surroundings:
         self._tracks = Tracks()
         self._velocity: Array = np.empty((0, 2))
         """(M, 2) of the last scan's hits; 0 of what stands."""
+        self._beyond_m: Array = np.empty(0)
+        """(M,) by how much the bodies of these reach beyond the hits."""
         self._taken_s = -math.inf
         self._looking: tuple[Scan, Mask] | None = None
         """The last scan, and which of its beams tell of something else than the robot itself."""
-        self._trusted = self._newest, self._former, self._lasting
+        self._trusted = self._newest, self._former, self._lasting, self._velocity, self._beyond_m
         """As it was before a suspicion."""
 
     def take(self, scan: Scan, first: Pose, last: Pose, *, late_s: float = 0.0, clears: bool = True) -> None:
@@ -77,17 +82,18 @@ class Surroundings:
         way = np.array([last[0] - first[0], last[1] - first[1], turn])
         poses = np.array(first) + np.linspace(0.0, 1.0, len(ranges))[hit, None] * way
         places = in_world_frame(poses, points[hit])
-        self._velocity = self._tracks.take(scan, compose(last, self._mount), hit, places)
+        self._velocity, breadth_m = self._tracks.take(scan, compose(last, self._mount), hit, places)
+        self._beyond_m = np.maximum(BODY_M - 0.5 * breadth_m, 0.0)
         self._taken_s = scan.stamp_s - late_s
         lasts_s = np.where(self._velocity.any(axis=1), MOVING_LASTS_S, LASTS_S)
-        self._newest = np.column_stack([places, clearance, scan.stamp_s + lasts_s])
+        self._newest = np.column_stack([places, clearance + self._beyond_m, scan.stamp_s + lasts_s])
         self._looking = (scan, outside)
         if clears:
-            self._trusted = self._newest, self._former, self._lasting
+            self._trusted = self._newest, self._former, self._lasting, self._velocity, self._beyond_m
 
     def revert(self) -> None:
         """The scans under suspicion were wrong."""
-        self._newest, self._former, self._lasting = self._trusted
+        self._newest, self._former, self._lasting, self._velocity, self._beyond_m = self._trusted
 
     def sees_ahead(self) -> bool:
         """Whether the last scan looks straight ahead."""
@@ -122,7 +128,7 @@ class Surroundings:
         known, velocity = self._newest[moves], self._velocity[moves]
         turned = in_robot_frame(np.array([0.0, 0.0, pose[2]]), velocity)
         age_s = np.full(len(known), max(time_s - self._taken_s, 0.0))
-        clearance = known[:, 2] + MOVING_M
+        clearance = known[:, 2] + np.maximum(MOVING_M - self._beyond_m[moves], 0.0)
         return np.column_stack([in_robot_frame(np.array(pose), known), clearance, turned, age_s])
 
     def still_from(self, pose: Pose) -> Array:

@@ -110,7 +110,7 @@ class NavSim:
         self._time_limit_s = np.full(num_envs, np.inf)
         self._last_action = np.zeros((num_envs, 2), dtype=np.float32)
         self._steps = Steps(self, self._table, self.reward)
-        steps = self.encoder.config.history_steps
+        steps = self.encoder.history_steps
         self._history = ScanHistory(num_envs, num_beams, steps) if steps > 0 else None
 
     @property

@@ -67,7 +67,7 @@ def to_onnx(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes:
     Inputs, float32: ranges (N, K) metres of the trained LiDAR, those beyond its reach, infinite ones among them, taken
     as its reach; goal (N, 2) metres, in the robot's frame; twist (N, 2) measured speed and yaw rate; last_action
     (N, 2). With motion cues also past_ranges (N, K) of history_steps control periods ago, and, float64, pose and
-    past_pose (N, 3) by odometry.
+    past_pose (N, 3) by odometry. With tracks also tracks (N, 5 num_tracks), the numbers of adrl.observation.tracks.
 
     Outputs: action (N, 2) in [-1, 1] and velocity (N, 2), m/s and rad/s. Both are NaN for a robot of which any input is
     NaN, or any but a range is infinite or beyond GREATEST: stop it. Nodes are named by their part: inputs, sectors,
@@ -84,7 +84,10 @@ def to_onnx(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes:
     encoder = ObservationEncoder(robot, setup.encoder)
     graph = Graph(onnx)
     with_motion = setup.encoder.history_steps > 0
-    given = _inputs(graph, robot.lidar, with_motion=with_motion)
+    widths = {"goal": 2, "twist": 2, "last_action": 2}
+    if "tracks" in encoder.components:
+        widths["tracks"] = encoder.components["tracks"].size
+    given = _inputs(graph, robot.lidar, widths, with_motion=with_motion)
     fastest = [robot.max_speed_mps, robot.max_yaw_rate_radps]
     parts = [
         _sectors(graph, encoder, given["ranges"]),
@@ -95,6 +98,8 @@ def to_onnx(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes:
     if with_motion:
         cue = cue_settings(robot, setup.encoder.num_sectors, setup.encoder.history_steps)
         parts.append(_motion(graph, cue, given))
+    if "tracks" in widths:
+        parts.append(given["tracks"])
     if setup.encoder.body:
         parts.append(_body(graph, encoder, given["goal"]))
     action = _network(graph, policy, parts)
@@ -104,17 +109,15 @@ def to_onnx(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes:
     scaled = graph.op("Mul", action, graph.constant([[0.5 * span, fastest[1]]]))
     offset = graph.constant([[robot.min_speed_mps + 0.5 * span, 0.0]])
     graph.op("Add", scaled, offset, output="velocity")
-    return _model(onnx, graph, metadata(policy, robot), robot.lidar.num_beams, with_motion=with_motion)
+    about = metadata(policy, robot)
+    return _model(onnx, graph, about, robot.lidar.num_beams, widths, with_motion=with_motion)
 
 
-def _model(onnx: Any, graph: Graph, about: dict[str, str], beams: int, *, with_motion: bool) -> bytes:
+def _model(
+    onnx: Any, graph: Graph, about: dict[str, str], beams: int, widths: dict[str, int], *, with_motion: bool
+) -> bytes:
     single, double = onnx.TensorProto.FLOAT, onnx.TensorProto.DOUBLE
-    inputs = [
-        ("ranges", beams, single),
-        ("goal", 2, single),
-        ("twist", 2, single),
-        ("last_action", 2, single),
-    ]
+    inputs = [("ranges", beams, single), *((name, width, single) for name, width in widths.items())]
     if with_motion:
         inputs += [("past_ranges", beams, single), ("pose", 3, double), ("past_pose", 3, double)]
     outputs = [("action", 2, single), ("velocity", 2, single)]
@@ -153,8 +156,8 @@ FAULTY = "faulty"
 """(N, 1) whether a robot's inputs hold something that is no measurement."""
 
 
-def _inputs(graph: Graph, lidar: LidarConfig, *, with_motion: bool) -> dict[str, str]:
-    """Each input as numbers that every operation can take, and FAULTY.
+def _inputs(graph: Graph, lidar: LidarConfig, widths: dict[str, int], *, with_motion: bool) -> dict[str, str]:
+    """Each input as numbers that every operation can take, and FAULTY. widths: of those that are no scans or poses.
 
     NaN has no place among sectors and beams, and runtimes differ in what minima and activations make of it.
     """
@@ -167,14 +170,14 @@ def _inputs(graph: Graph, lidar: LidarConfig, *, with_motion: bool) -> dict[str,
         given[scan] = graph.op("Clip", told, graph.constant(0.0), graph.constant(lidar.max_range_m))
         faults.append(fault)
     poses = ["pose", "past_pose"] if with_motion else []
-    for name in ["goal", "twist", "last_action", *poses]:
+    for name in [*widths, *poses]:
         dtype = np.float64 if name in poses else np.float32
         sound = graph.op("LessOrEqual", graph.op("Abs", name), graph.constant(GREATEST, dtype))
         given[name] = graph.op("Where", sound, name, graph.constant(0.0, dtype))
         faults.append(graph.op("Not", sound))
     each = graph.op("Concat", *(graph.cast(fault, np.float32) for fault in faults), axis=1)
     row = graph.op("Unsqueeze", each, graph.constant([1], np.int64))
-    width = len(scans) * lidar.num_beams + 6 + 3 * len(poses)
+    width = len(scans) * lidar.num_beams + sum(widths.values()) + 3 * len(poses)
     given[FAULTY] = graph.op("Greater", _greatest(graph, row, width), graph.constant(0.0))
     return given
 

@@ -7,6 +7,7 @@ from safetensors.numpy import save
 
 from adrl.deploy.policy import MlpPolicy
 from adrl.deploy.setup import setup_of
+from adrl.errors import ConfigError
 from adrl.export.onnx_graph import metadata
 from adrl.observation import ObservationEncoder
 from adrl.observation.body import Body
@@ -28,6 +29,8 @@ def to_safetensors(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes
     its third number, and encoder.reach is it; where the policy is told of the body, encoder.body is that.
     """
     setup = setup_of(policy)
+    if setup.encoder.num_tracks > 0:
+        raise ConfigError("a policy that sees tracks has no plain form; export it as ONNX")
     robot, config = setup.exported_for(robot), setup.encoder
     encoder, lidar = ObservationEncoder(robot, config), robot.lidar
     greatest = lidar.max_range_m

@@ -178,7 +178,7 @@ def _demonstrations(
     pose, ranges, twist = recording.pose[states], recording.ranges[states], recording.twist[states]
     goal = in_robot_frame(pose, drive.goal)
     code = ObservationEncoder(robot, encoder)
-    seen = code.encode(ranges, goal, twist, told, _history(ranges, pose, code.config.history_steps))
+    seen = code.encode(ranges, goal, twist, told, _history(ranges, pose, code.history_steps))
     ended = np.arange(first, last) == last - 1
     reached = ended & drive.reached
     distance, heading = np.hypot(*goal.T), np.arctan2(goal[:, 1], goal[:, 0])
@@ -226,14 +226,14 @@ def _demonstrations(
 
 
 def _history(ranges: F32, pose: Array, steps: int) -> ScanHistory | None:
-    """Of each state, the scan so many control periods ago, or the episode's first."""
+    """Of each state, the scans of so many control periods; before the episode's first there is that one."""
     if steps == 0:
         return None
     rows = np.arange(len(ranges))
-    past = np.maximum(rows - steps, 0)
-    history = ScanHistory(len(ranges), ranges.shape[1], 1)
-    history.begin(rows, ranges[past], pose[past])
-    history.add(ranges, pose)
+    history = ScanHistory(len(ranges), ranges.shape[1], steps)
+    for ago in range(steps, -1, -1):
+        past = np.maximum(rows - ago, 0)
+        history.add(ranges[past], pose[past])
     return history
 
 

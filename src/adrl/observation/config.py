@@ -13,6 +13,9 @@ if TYPE_CHECKING:
 else:
     ExtraComponent = str  # what the command line reads; a robot has no library that could be told more
 
+FOLLOWED_STEPS = 4
+"""Control periods over which tracks are followed."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class EncoderConfig:
@@ -27,6 +30,9 @@ class EncoderConfig:
     """Same for the distance to the goal, m; 0.001 to 1000."""
     history_steps: Annotated[int, Range(0, 50)] = 0
     """Control periods between the two scans whose comparison adds num_sectors motion cues (see motion), 0 to 50; 0 for
+    none."""
+    num_tracks: Annotated[int, Range(0, 32)] = 0
+    """Also tell place, velocity and age of so many things that move, the nearest ones (see tracks), 0 to 32; 0 for
     none."""
     body: bool = False
     """Also tell what the robot's body is (see body): for a policy of many robots."""
@@ -47,8 +53,14 @@ class EncoderConfig:
         check_ranges(self, "encoder.")
 
     def has(self, component: str) -> bool:
-        """Whether an observation has this built-in component: motion cues and the body are asked for."""
-        return {"motion": self.history_steps > 0, "body": self.body}.get(component, True)
+        """Whether an observation has this built-in component: motion cues, tracks and the body are asked for."""
+        asked = {"motion": self.history_steps > 0, "tracks": self.num_tracks > 0, "body": self.body}
+        return asked.get(component, True)
+
+    @property
+    def past_steps(self) -> int:
+        """Control periods between the newest scan that is needed and the oldest."""
+        return max(self.history_steps, FOLLOWED_STEPS if self.num_tracks > 0 else 0)
 
     def reach_of(self, robot: RobotConfig) -> float:
         """Where the scale of a robot's distances ends, m."""
@@ -59,5 +71,10 @@ class EncoderConfig:
         policies of before."""
         plain = asdict(replace(self, extra_components=()))
         names = [part if isinstance(part, str) else part.name for part in self.extra_components]
-        later = {"body": self.body, "reach_m": self.reach_m, "extra_components": names}
+        later = {
+            "num_tracks": self.num_tracks,
+            "body": self.body,
+            "reach_m": self.reach_m,
+            "extra_components": names,
+        }
         return {name: value for name, value in (plain | later).items() if value or name not in later}

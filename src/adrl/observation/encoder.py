@@ -13,6 +13,7 @@ from adrl.observation.goal import Goal
 from adrl.observation.last_action import LastAction
 from adrl.observation.motion import MotionCues, ScanHistory
 from adrl.observation.scan import Scan
+from adrl.observation.tracks import Tracks
 from adrl.observation.twist import Twist
 from adrl.registry import look_up
 from adrl.types import Array, RobotConfig
@@ -23,6 +24,7 @@ COMPONENTS: dict[str, Callable[[Sequence[RobotConfig], EncoderConfig], Component
     "twist": Twist,
     "last_action": LastAction,
     "motion": MotionCues,
+    "tracks": Tracks,
     "body": Body,
 }
 """The built-in components, in the order in which an observation has them; see EncoderConfig.has.
@@ -34,8 +36,9 @@ Each is made for all robots of an encoder at once, and finds in Senses.kind whic
 class ObservationEncoder:
     """(N, K) ranges, goals, twists and last actions -> (N, D) float32, the components side by side.
 
-    Of one robot, or of several, of which each row is one: its kind. D = num_sectors + 8; with motion cues
-    2 num_sectors + 8, and encode() takes the ScanHistory of the robots. The body and extra components come on top.
+    Of one robot, or of several, of which each row is one: its kind. D = num_sectors + 8; motion cues are num_sectors
+    more, tracks 5 num_tracks, and with either encode() takes the ScanHistory of the robots. The body and extra
+    components come on top.
     """
 
     def __init__(
@@ -75,8 +78,8 @@ class ObservationEncoder:
 
     @property
     def history_steps(self) -> int:
-        """Control periods between the scans that motion cues compare; 0 without."""
-        return self.config.history_steps
+        """Control periods between the newest scan of the history and the oldest; 0 without."""
+        return self.config.past_steps
 
     @property
     def extent_m(self) -> F32:

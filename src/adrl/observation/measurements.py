@@ -5,7 +5,10 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
+from adrl.observation.component import Senses
+from adrl.observation.config import FOLLOWED_STEPS
 from adrl.observation.motion import ScanHistory
+from adrl.observation.tracks import Tracks
 from adrl.types import Array
 
 F32 = NDArray[np.float32]
@@ -42,37 +45,49 @@ class Measured(NamedTuple):
     """(N, 2) m/s and rad/s"""
     last_action: NDArray[np.floating]
     """(N, 2) in [-1, 1]"""
+    tracks: NDArray[np.floating]
+    """(N, 5 T) as adrl.observation.tracks has them; (N, 0) without"""
     past_ranges: NDArray[np.floating]
-    """(N, K) m, of history_steps control periods ago; (N, 0) without a history"""
+    """(N, K) m, of past_steps control periods ago; (N, 0) without"""
     pose: NDArray[np.floating]
-    """(N, 3) x, y, yaw by odometry at the newest scan; (N, 0) without a history"""
+    """(N, 3) x, y, yaw by odometry at the newest scan; (N, 0) without a past scan"""
     past_pose: NDArray[np.floating]
-    """(N, 3) at the past scan; (N, 0) without a history"""
+    """(N, 3) at the past scan; (N, 0) without"""
 
 
 class Measurements:
     """An Encoder that encodes nothing: ranges, goal, twist and last action side by side, in metres and seconds.
 
-    With a history also the past scan and both poses, in double precision.
+    With past_steps also the scan of then and both poses, in double precision. Tracks, which take a memory to find, are
+    told as an ObservationEncoder tells them.
     """
 
-    def __init__(self, history_steps: int = 0) -> None:
-        self.history_steps = history_steps
+    def __init__(self, past_steps: int = 0, tracks: Tracks | None = None) -> None:
+        self._past_steps, self._tracks = past_steps, tracks
+        self.history_steps = max(past_steps, FOLLOWED_STEPS if tracks is not None else 0)
 
     def encode(
         self, ranges: F32, goal: Array, twist: Array, last_action: F32, history: ScanHistory | None = None
     ) -> NDArray[np.floating]:
-        """(N, K + 6) float32; (N, 2 K + 12) float64 with a history. split() takes it apart."""
+        """(N, K + 6) float32, and tracks; (N, 2 K + 12) float64 with a past scan. split() takes it apart. Raises
+        ValueError without the history that history_steps asks for."""
         parts = [ranges, goal, twist, last_action]
-        if history is None:
+        if self._tracks is not None:
+            told = np.empty((len(ranges), self._tracks.size), np.float32)
+            kind = np.zeros(len(ranges), np.intp)
+            self._tracks.write(Senses(ranges, goal, twist, last_action, history, kind=kind), told)
+            parts.append(told)
+        if self._past_steps == 0:
             return np.concatenate(parts, axis=1, dtype=np.float32)
-        _, pose, past_ranges, past_pose = history.ends()
+        if history is None:
+            raise ValueError("measurements with a past scan need the history of the scans")
+        _, pose, past_ranges, past_pose = history.ends(self._past_steps)
         return np.concatenate([*parts, past_ranges, pose, past_pose], axis=1, dtype=np.float64)
 
     def split(self, observation: NDArray[np.floating]) -> Measured:
         """The columns of (N, D) observations."""
-        width = observation.shape[1]
-        scans, poses = (2, 3) if self.history_steps > 0 else (1, 0)
-        beams = (width - 6 - 2 * poses) // scans
-        sizes = (beams, 2, 2, 2, beams * (scans - 1), poses, poses)
+        tracks = self._tracks.size if self._tracks is not None else 0
+        scans, poses = (2, 3) if self._past_steps > 0 else (1, 0)
+        beams = (observation.shape[1] - 6 - tracks - 2 * poses) // scans
+        sizes = (beams, 2, 2, 2, tracks, beams * (scans - 1), poses, poses)
         return Measured(*np.split(observation, np.cumsum(sizes)[:-1], axis=1))

@@ -40,12 +40,12 @@ class ScanHistory:
         self.arrays["past_ranges"][newest[0]] = ranges
         self.arrays["past_odometry"][newest[0]] = odometry
 
-    def ends(self) -> tuple[F32, Array, F32, Array]:
-        """Ranges (N, K) and odometry (N, 3) of the newest scan, and of the oldest."""
+    def ends(self, steps: int | None = None) -> tuple[F32, Array, F32, Array]:
+        """Ranges (N, K) and odometry (N, 3) of the newest scan, and of the one so many steps ago, or the oldest."""
         ranges, odometry = self.arrays["past_ranges"], self.arrays["past_odometry"]
         newest = int(self.arrays["newest"][0])
-        oldest = (newest + 1) % len(ranges)
-        return ranges[newest], odometry[newest], ranges[oldest], odometry[oldest]
+        past = (newest - steps) % len(ranges) if steps is not None else (newest + 1) % len(ranges)
+        return ranges[newest], odometry[newest], ranges[past], odometry[past]
 
     def cues(self, motion: "_core.MotionCue", num_sectors: int) -> F32:
         """(N, num_sectors) what has moved between the oldest scan and the newest; see motion_cue."""
@@ -112,13 +112,14 @@ class MotionCues:
         self.size = config.num_sectors
         cues = [motion_cue(robot, config.num_sectors, config.history_steps) for robot in robots]
         self._motion = _core.MotionCues(cues)
+        self._steps = config.history_steps
 
     def write(self, senses: Senses, out: F32) -> None:
         """Fill (N, S). Raises ValueError without the history of the scans."""
         if senses.history is None:
             raise ValueError("an encoder with motion cues needs the history of the scans")
         cues = np.empty((len(senses.kind), self.size), np.float32)
-        self._motion.compute(senses.kind, *senses.history.ends(), cues)
+        self._motion.compute(senses.kind, *senses.history.ends(self._steps), cues)
         out[:] = cues
 
     def mirror(self) -> Mirror | None:

@@ -60,8 +60,9 @@ def _saw(config: PolicyConfig) -> Iterator[tuple[str, str]]:
     yield "robots", "; ".join(_robots(config))
     yield "places", ", ".join(_places(config))
     yield "guidance", ", ".join(f"`{name}`" for name in _guidances(config))
-    steps = config.encoder.get("history_steps", 0)
-    yield "moving obstacles", f"seen by motion cues over {steps} periods" if steps else "not seen as moving"
+    steps, tracks = config.encoder.get("history_steps", 0), config.encoder.get("num_tracks", 0)
+    by = ([f"motion cues over {steps} periods"] if steps else []) + ([f"{tracks} tracks"] if tracks else [])
+    yield "moving obstacles", f"seen by {' and '.join(by)}" if by else "not seen as moving"
     environment = config.table("environment")
     by = environment.get("planner")
     yield "method", f"`{config.method}`{f', shown by {by}' if by else ''}"
