@@ -37,7 +37,7 @@ OPEN = EncoderConfig(history_steps=2, extra_components=(Openness,))
 
 
 def test_components_stand_side_by_side_and_fill_the_observation() -> None:
-    encoder = ObservationEncoder(RobotConfig(), dataclasses.replace(OPEN, body=True))
+    encoder = ObservationEncoder(RobotConfig(), dataclasses.replace(OPEN, body=True, num_tracks=2))
     assert list(encoder.components) == [*COMPONENTS, "openness"]
     ends = [0]
     for name, component in encoder.components.items():
