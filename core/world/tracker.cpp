@@ -38,6 +38,7 @@ void Track::begin(double now_s, Vec2 point) {
     velocity_ = {};
     since_s_ = now_s;
     moved_s_ = -std::numeric_limits<double>::infinity();
+    moved_ = 0;
     places_[0] = {now_s, point};
 }
 
@@ -87,7 +88,10 @@ void Tracker::take(const PlacedScan &scan) {
         const int number = follow(scan.stamp_s, (1.0 / found.count) * found.sum);
         Track &track = pool_[number];
         track.breadth_ = norm(found.high - found.low);
-        if (track.measure() && came(scan, c)) track.moved_s_ = scan.stamp_s;
+        if (track.measure() && came(scan, c)) {
+            track.moved_s_ = scan.stamp_s;
+            ++track.moved_;
+        }
         live_.push_back(number);
     }
     std::erase_if(lost_, [&](int number) {

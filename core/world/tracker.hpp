@@ -28,13 +28,14 @@ class Track {
     Vec2 velocity() const { return velocity_; }
     double since_s() const { return since_s_; }
     double breadth() const { return breadth_; } // across the hits of the last scan
-    // Whether it moves, or has done so until a moment ago; and whether it was ever seen to.
+    // Whether it moves, or has done so until a moment ago; and whether it was seen to so often that it was no noise.
     bool moves(double now_s) const;
-    bool has_moved() const { return moved_s_ > -std::numeric_limits<double>::infinity(); }
+    bool has_moved() const { return moved_ >= kSure; }
 
   private:
     friend class Tracker;
     static constexpr int kMostPlaces = 32;
+    static constexpr int kSure = 3; // scans
     struct Place {
         double stamp_s;
         Vec2 point;
@@ -48,6 +49,7 @@ class Track {
     double last_s() const { return places_[at(count_ - 1)].stamp_s; }
 
     int first_ = 0, count_ = 0; // of places, a ring, the newest last
+    int moved_ = 0;             // scans in which it was seen to move
     Vec2 velocity_;
     double since_s_ = 0.0, moved_s_ = 0.0, breadth_ = 0.0;
     Place places_[kMostPlaces];

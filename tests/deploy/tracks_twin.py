@@ -24,6 +24,7 @@ SLACK_M = 0.1
 FREE_M = 0.08
 SLOWEST_MPS = 0.15
 STOPS_S = 0.5
+SURE = 3
 ROUNDING_S = 1e-6
 
 
@@ -36,6 +37,8 @@ class Track:
     velocity: tuple[float, float] = (0.0, 0.0)
     moved_s: float = -math.inf
     """When it was last seen to move."""
+    moved: int = 0
+    """Scans in which it was."""
 
 
 @dataclass
@@ -74,7 +77,7 @@ class SlowTracks:
             _measure(track, bool(came[members].mean() > 0.2))
             if now_s - track.moved_s <= STOPS_S:
                 velocities[members] = track.velocity
-            if track.moved_s > -math.inf:
+            if track.moved >= SURE:
                 breadths[members] = np.hypot(*np.ptp(points[members], axis=0))
         self._lost = [track for track in before if track.places[-1][0] >= now_s - LOST_S - ROUNDING_S]
         ranges, told = readings(scan)
@@ -129,6 +132,7 @@ def _measure(track: Track, came: bool) -> None:
     track.velocity = (float(vx) * most, float(vy) * most)
     if came and speed > SLOWEST_MPS:
         track.moved_s = float(places[-1, 0])
+        track.moved += 1
 
 
 def _clusters(scan: Scan, hit: Mask, points: Array) -> list[NDArray[np.intp]]:
