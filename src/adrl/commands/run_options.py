@@ -34,7 +34,7 @@ GROUPS = {
         "How the policy learns.",
         (
             *("paper_literal", "fine_tune", "start_steps", "replay_capacity"),
-            *("exploration_std", "failure_share", "mirror"),
+            *("exploration_std", "failure_share", "mirror", "stop_within_m"),
         ),
     ),
     "records": (
