@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Request, Response
+from playwright.sync_api import Browser, Page, Request, Response
 
 pytestmark = [pytest.mark.slow, pytest.mark.integration]
 
@@ -58,6 +58,12 @@ def address(site: Path) -> Iterator[str]:
     server.server_close()
 
 
+def settle(page: Page) -> None:
+    """Wait for what changes the sizes on a loaded page. An idle network, which Playwright can wait for, was never seen
+    once on a busy machine."""
+    page.evaluate("document.fonts.ready.then(() => true)")
+
+
 @pytest.mark.parametrize("size", [PHONE, DESK], ids=["telephone", "desk"])
 def test_every_page_is_complete_in_itself(
     browser: Browser, site: Path, address: str, size: tuple[int, int]
@@ -83,7 +89,7 @@ def test_every_page_is_complete_in_itself(
     found = {}
     for name in pages:
         page.goto(address + name)
-        page.wait_for_load_state("networkidle")
+        settle(page)
         if (width := page.evaluate("document.documentElement.scrollWidth")) > size[0]:
             faults.append(f"{width} px wide")
         found[name] = list(faults)
@@ -112,7 +118,7 @@ def test_every_equation_fits(browser: Browser, site: Path, size: tuple[int, int]
     page = browser.new_page(viewport={"width": size[0], "height": size[1]})
     page.set_default_timeout(PATIENCE_MS)
     page.goto((site / "method.html").as_uri())
-    page.wait_for_load_state("networkidle")
+    settle(page)
     boxes = page.evaluate(
         """[...document.querySelectorAll(".equation > div")].map(e => [e.innerText, e.clientWidth, e.scrollWidth])"""
     )
@@ -125,7 +131,8 @@ def test_a_table_wider_than_a_telephone_scrolls_by_a_bar_that_is_seen(with_bars:
     page = with_bars.new_page(viewport={"width": PHONE[0], "height": PHONE[1]})
     page.set_default_timeout(PATIENCE_MS)
     page.goto((site / "results" / "index.html").as_uri())
-    page.wait_for_load_state("networkidle")
+    page.locator(".md-typeset__scrollwrap").first.wait_for()
+    settle(page)
     sizes = page.evaluate(
         """[...document.querySelectorAll(".md-typeset__scrollwrap")].map(
             e => [e.scrollWidth > e.clientWidth, e.offsetHeight > e.clientHeight])"""
