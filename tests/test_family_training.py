@@ -83,11 +83,13 @@ def test_what_a_family_cannot_do_is_one_line(options: dict, told: str):
 
 
 @pytest.mark.parametrize(
-    "options", [{"expert": "few:3"}, {"dataset": Path("drives")}, {"fine_tune": Path("diffbot")}], ids=str
+    "options",
+    [{"expert": "few:3"}, {"dataset": Path("drives")}, {"fine_tune": Path("diffbot")}, {"method": "td3"}],
+    ids=str,
 )
 def test_rounds_of_demonstrations_need_somebody_to_ask(options: dict):
     with pytest.raises(ConfigError, match="demonstration_rounds asks an expert"):
-        RunConfig(demonstration_rounds=2, method="adrl", **options)
+        RunConfig(demonstration_rounds=2, **({"method": "adrl"} | options))
 
 
 @pytest.mark.slow

@@ -80,7 +80,7 @@ def to_onnx(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes:
     except ImportError:
         raise MissingExtra.named("onnx", "writing ONNX") from None
     setup = setup_of(policy)
-    robot = setup.exported_for(robot)
+    given_robot, robot = robot, setup.exported_for(robot)
     encoder = ObservationEncoder(robot, setup.encoder)
     graph = Graph(onnx)
     with_motion = setup.encoder.history_steps > 0
@@ -109,7 +109,7 @@ def to_onnx(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes:
     scaled = graph.op("Mul", action, graph.constant([[0.5 * span, fastest[1]]]))
     offset = graph.constant([[robot.min_speed_mps + 0.5 * span, 0.0]])
     graph.op("Add", scaled, offset, output="velocity")
-    about = metadata(policy, robot)
+    about = metadata(policy, given_robot or robot)  # OnnxPolicy slows it as the graph does
     return _model(onnx, graph, about, robot.lidar.num_beams, widths, with_motion=with_motion)
 
 

@@ -145,8 +145,7 @@ def collect(
     expert of so many `drives` shows these instead of num_steps steps. seed: of the tasks, the sensors, the expert and
     the noise; equal seeds give equal bytes. on_step(done, total) is told the progress, in steps or drives. Episodes
     that run at the end are marked truncated, as are drives that the expert gives up. Raises ConfigError if there is
-    nothing to record, env does not reset ended
-    rows by itself, or the expert cannot drive its robot.
+    nothing to record, env does not reset ended rows by itself, or the expert cannot drive its robot.
     """
     if num_steps < 1:
         raise ConfigError(f"the number of demonstration steps is {num_steps}; give 1 or more")

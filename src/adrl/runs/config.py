@@ -94,6 +94,7 @@ class RunConfig(Place):
         unasked = {
             "dataset": self.dataset is not None,
             "fine_tune": self.fine_tune is not None,
+            f"method {method_name(self.chosen_method)}": not learner.schedule.imitates,
             f"expert {self.expert}": getattr(find_expert(self.expert), "drives", None) is not None,
         }
         for other in (name for name, given in unasked.items() if given and self.demonstration_rounds > 0):

@@ -5,6 +5,7 @@ import os
 from dataclasses import dataclass, replace
 from typing import Self
 
+from adrl.agents.config import TrainConfig
 from adrl.agents.methods import FOR_EVER, method_name
 from adrl.deploy.another_robot import outside_family
 from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
@@ -20,6 +21,11 @@ WARM_UPDATES = 500
 """Updates of the critics before the policy that it begins with may change: cold ones would undo what it can."""
 VALIDATION_STEPS = 32_000
 """Environment steps between two validations."""
+
+
+def held_until_warm(learner: TrainConfig) -> TrainConfig:
+    """For a run that begins with a policy: cold critics would undo what it can."""
+    return replace(learner, critic_warmup_updates=learner.critic_warmup_updates or WARM_UPDATES)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -60,8 +66,7 @@ class Start:
                     f"{name} is {given}, and the policy of fine_tune has {own}; leave {name} out with fine_tune"
                 )
         learner = replace(learner, td3=replace(learner.td3, widths=widths))
-        if learner.critic_warmup_updates == 0:
-            learner = replace(learner, critic_warmup_updates=WARM_UPDATES)
+        learner = held_until_warm(learner)
         if learner.eval_interval_steps is None and config.env == NATIVE:
             learner = replace(learner, eval_interval_steps=VALIDATION_STEPS)
         replanner = self.setup.replanner if config.replanner == ReplannerConfig() else config.replanner

@@ -23,7 +23,7 @@ from adrl.imitation.best_planner import Trial
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.runs.config import RunConfig
-from adrl.runs.fine_tuning import WARM_UPDATES, Start
+from adrl.runs.fine_tuning import Start, held_until_warm
 from adrl.runs.record import about_policy
 from adrl.simulators import NATIVE, Simulator, find_simulator
 from adrl.types import RobotConfig, Scenario, Task
@@ -58,7 +58,8 @@ class Run:
         """Look up all that the configuration names. Raises AdrlError."""
         start = None if config.fine_tune is None else Start.of(config.fine_tune)
         config = config if start is None else start.begun(config)
-        config = config if config.demonstration_rounds == 0 else _held_until_warm(config)
+        if config.demonstration_rounds > 0:
+            config = replace(config, learner=held_until_warm(config.learner))
         scenarios, robot = config.load_all(), load_robots(config.robot)
         _require_native(config, robot)
         if isinstance(robot, RobotFamily):
@@ -203,13 +204,6 @@ def _require_native(config: RunConfig, robot: RobotConfig | RobotFamily) -> None
             raise ConfigError(
                 f"{name} {given[name]} is several, and a dataset is of one; give one, or leave out dataset"
             )
-
-
-def _held_until_warm(config: RunConfig) -> RunConfig:
-    """The run that begins with a clone: cold critics would undo what it can."""
-    if config.learner.critic_warmup_updates > 0:
-        return config
-    return replace(config, learner=replace(config.learner, critic_warmup_updates=WARM_UPDATES))
 
 
 def _of_family(config: RunConfig, family: RobotFamily, start: Start | None) -> RunConfig:

@@ -151,7 +151,7 @@ def _train(
     planner = best_planner(env) if drives else None
     if planner is not None:
         env.expert = planner.controller
-    demonstrations, clone = _demonstrations(run, env) if shown else (None, None)
+    demonstrations, clone = _demonstrations(run, env, tell) if shown else (None, None)
     demonstrated_s = time.monotonic()
     probe = None
     if probed:
@@ -212,7 +212,9 @@ def _no_more_is_shown(run: Run) -> bool:
     return run.config.dataset is not None or getattr(run.expert, "drives", None) is not None
 
 
-def _demonstrations(run: Run, env: NavVectorEnv) -> tuple[Demonstrations, MlpPolicy | None]:
+def _demonstrations(
+    run: Run, env: NavVectorEnv, tell: Callable[[str], None]
+) -> tuple[Demonstrations, MlpPolicy | None]:
     """What is shown, and the clone of it that training begins with, if there is one."""
     config, learner = run.config, run.learner
     if config.dataset is not None:
@@ -233,6 +235,7 @@ def _demonstrations(run: Run, env: NavVectorEnv) -> tuple[Demonstrations, MlpPol
     clone = Clone(learner.td3, shown.observation.shape[1], mirror, np.random.default_rng((learner.seed, 2)))
     about = replace(run.about_policy(), input_size=shown.observation.shape[1], widths=learner.td3.widths)
     for number in range(1, rounds + 1):
+        tell(f"demonstrations, round {number} of {rounds}")
         clone.fit(shown, CLONING_UPDATES)
         seed = learner.seed + number * TASKS_APART
         driven = collect(
