@@ -88,8 +88,9 @@ def test_what_a_family_cannot_do_is_one_line(options: dict, told: str):
     ids=str,
 )
 def test_rounds_of_demonstrations_need_somebody_to_ask(options: dict):
+    options = {"method": "adrl"} | options
     with pytest.raises(ConfigError, match="demonstration_rounds asks an expert"):
-        RunConfig(demonstration_rounds=2, **({"method": "adrl"} | options))
+        RunConfig(demonstration_rounds=2, **options)
 
 
 @pytest.mark.slow
