@@ -83,7 +83,7 @@ def test_a_run_ends_no_worse_than_it_began_and_says_so(
     )
     assert run_cli(*arguments, *sizes, "--out", out) == 0
     told = json.loads((out / "config.json").read_text())
-    scores = told["fine_tuning"]
+    scores = told["validated"]
     assert scores["kept"]["success"] >= scores["start"]["success"]
     rows = [json.loads(line) for line in (out / "metrics.jsonl").read_text().splitlines()]
     validated = {row["env_steps"]: row["success"] for row in rows if row["success"] is not None}

@@ -45,6 +45,6 @@ def test_the_best_is_kept_the_first_of_equal_ones_and_the_start_is_told(scores: 
     left = best.policy_with(ABOUT)
     assert number_of(left) == expected
     assert left.config.maturity == expected / 100
-    told = left.config.extra["fine_tuning"]
+    told = left.config.extra["validated"]
     assert (told["start"]["success"], told["start"]["seconds"]) == scores[0]
     assert tuple(told["kept"].values()) == (100 * expected, *scores[expected])

@@ -261,8 +261,17 @@ def test_unknown_expert() -> None:
         find_expert("slwo")
 
 
+def test_the_cautious_one_keeps_clear_of_obstacles_and_takes_longer() -> None:
+    """feature 0 is how near an obstacle is, from 0 at 0.3 m to 1."""
+    plain, cautious = (data(f"cautious:{times}", 12_000) for times in (1, 4))
+    near, less_near = (shown.features[:, 0].mean() for shown in (plain, cautious))
+    assert less_near < 0.7 * near
+    assert cautious.success[cautious.ended].sum() > 0.85 * plain.success[plain.ended].sum()
+    assert not (cautious.terminated & ~cautious.success).any()
+
+
 @pytest.mark.parametrize(
-    "text", ["perfect", "slow:0.5", "noisy:0.2", "narrow-shy:0.75", "half-wise:0.5", "few:5"]
+    "text", ["perfect", "slow:0.5", "noisy:0.2", "narrow-shy:0.75", "half-wise:0.5", "few:5", "cautious:4"]
 )
 def test_an_expert_says_what_it_is(text: str) -> None:
     name = text.partition(":")[0]

@@ -48,7 +48,7 @@ class Best:
     def policy_with(self, about: PolicyConfig) -> MlpPolicy:
         """The policy, as one of this run."""
         scores = {"start": self.start._asdict(), "kept": self.kept._asdict()}
-        extra = dict(about.extra) | {"fine_tuning": scores}
+        extra = dict(about.extra) | {"validated": scores}
         return MlpPolicy(
             self.policy.layers, replace(about, maturity=self.policy.config.maturity, extra=extra)
         )

@@ -51,9 +51,9 @@ def main(arguments: Sequence[str]) -> int:
         f"{result.env_steps} environment steps, {result.updates} updates, {result.episodes} episodes in "
         f"{result.train_seconds:.1f} s"
     )
-    tuned = result.policy.config.extra.get("fine_tuning")
-    if tuned is not None:
-        console().print(_kept(tuned))
+    scores = result.policy.config.extra.get("validated")
+    if scores is not None:
+        console().print(_kept(scores))
     folder = Run.of(config).folder
     planner = read_json(folder / VERSIONS_FILE, dict[str, str]).get(PLANNER)
     if planner is not None:
@@ -63,7 +63,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _kept(scores: Mapping[str, Mapping[str, float]]) -> str:
-    """Which policy of a fine-tuning is left, and why."""
+    """Which policy is left of a run that began with one, and why."""
 
     def told(score: Mapping[str, float]) -> str:
         return f"{100 * score['success']:.1f} % in {score['seconds']:.1f} s a task"

@@ -16,11 +16,13 @@ from adrl.errors import ConfigError
 from adrl.imitation.bursts import Bursts
 from adrl.imitation.narrow_shy import ShyPaths
 from adrl.observation import in_robot_frame, to_action, to_twist
+from adrl.planning.local_control import mppi_config
 from adrl.ranges import Range, check_ranges
 from adrl.registry import look_up
-from adrl.types import ACTION_SIZE
+from adrl.types import ACTION_SIZE, RobotConfig
 
 if TYPE_CHECKING:
+    from adrl import _core
     from adrl.envs import NavVectorEnv
 
 F32 = NDArray[np.float32]
@@ -201,6 +203,37 @@ class Few(_Named):
         return Driver(env)
 
 
+@dataclass(frozen=True)
+class Cautious(_Named):
+    """A*+MPPI to which obstacles are NUMBER (4) times as repulsive: it keeps clear of them, and drives some 7 % longer.
+
+    Whoever imitates it may be off by more before it touches something.
+    """
+
+    repulsion: Annotated[float, Range(1.0, 100.0)] = 4.0
+
+    def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
+        """Drives whatever the robot's own planner is."""
+        return _CautiousDriver(env, self.repulsion)
+
+
+class _CautiousDriver(Driver):
+    def __init__(self, env: "NavVectorEnv", repulsion: float) -> None:
+        super().__init__(env)
+
+        def config(robot: RobotConfig) -> "_core.MppiConfig":
+            mppi = mppi_config(robot)
+            mppi.repulsion_weight *= repulsion
+            return mppi
+
+        self._control = env.sim.local_control(config)
+
+    def actions(self) -> F32:
+        sim = self.env.sim
+        self._control.restart(np.flatnonzero(sim.b["time"] == 0.0))
+        return sim.planned_actions(self._control)
+
+
 PERFECT = "perfect"
 EXPERTS: dict[str, Callable[..., Expert]] = {
     PERFECT: Perfect,
@@ -209,6 +242,7 @@ EXPERTS: dict[str, Callable[..., Expert]] = {
     "narrow-shy": NarrowShy,
     "half-wise": HalfWise,
     "few": Few,
+    "cautious": Cautious,
 }
 """name -> what makes an expert, of a number or of none."""
 

@@ -64,7 +64,7 @@ class RunConfig(Place):
     demonstration_rounds: Annotated[int, Range(0, 1000)] = 0
     """In so many rounds after the first a clone of all that was shown so far drives, and the expert says what it would
     do where that comes to: DAgger (Ross et al. 2011). demonstration_steps are shared out evenly, and training begins
-    with the last clone, which is held until the critics are warm; 0 to 1000."""
+    with the last clone, as fine_tune does with its policy: held at first, and the best is kept; 0 to 1000."""
     dataset: Path | None = None
     """Minari dataset of demonstrations to use instead of collecting them."""
     validation_episodes: Annotated[int, Range(1, 1_000_000)] = 100

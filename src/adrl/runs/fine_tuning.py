@@ -5,7 +5,6 @@ import os
 from dataclasses import dataclass, replace
 from typing import Self
 
-from adrl.agents.config import TrainConfig
 from adrl.agents.methods import FOR_EVER, method_name
 from adrl.deploy.another_robot import outside_family
 from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
@@ -23,9 +22,14 @@ VALIDATION_STEPS = 32_000
 """Environment steps between two validations."""
 
 
-def held_until_warm(learner: TrainConfig) -> TrainConfig:
-    """For a run that begins with a policy: cold critics would undo what it can."""
-    return replace(learner, critic_warmup_updates=learner.critic_warmup_updates or WARM_UPDATES)
+def beginning_with_a_policy(config: RunConfig) -> RunConfig:
+    """Such a run holds the policy until the critics are warm, as cold ones would undo what it can, and validates, as
+    the best is kept."""
+    learner = config.learner
+    learner = replace(learner, critic_warmup_updates=learner.critic_warmup_updates or WARM_UPDATES)
+    if learner.eval_interval_steps is None and config.env == NATIVE:
+        learner = replace(learner, eval_interval_steps=VALIDATION_STEPS)
+    return replace(config, learner=learner)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,17 +70,15 @@ class Start:
                     f"{name} is {given}, and the policy of fine_tune has {own}; leave {name} out with fine_tune"
                 )
         learner = replace(learner, td3=replace(learner.td3, widths=widths))
-        learner = held_until_warm(learner)
-        if learner.eval_interval_steps is None and config.env == NATIVE:
-            learner = replace(learner, eval_interval_steps=VALIDATION_STEPS)
         replanner = self.setup.replanner if config.replanner == ReplannerConfig() else config.replanner
         stop_within_m = config.stop_within_m
         if stop_within_m is None and math.isfinite(self.setup.stop_within_m):
             stop_within_m = self.setup.stop_within_m
-        return replace(
+        config = replace(
             config,
             encoder=self.setup.encoder,
             replanner=replanner,
             stop_within_m=stop_within_m,
             learner=learner,
         )
+        return beginning_with_a_policy(config)

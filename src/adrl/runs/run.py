@@ -23,7 +23,7 @@ from adrl.imitation.best_planner import Trial
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.runs.config import RunConfig
-from adrl.runs.fine_tuning import Start, held_until_warm
+from adrl.runs.fine_tuning import Start, beginning_with_a_policy
 from adrl.runs.record import about_policy
 from adrl.simulators import NATIVE, Simulator, find_simulator
 from adrl.types import RobotConfig, Scenario, Task
@@ -59,7 +59,7 @@ class Run:
         start = None if config.fine_tune is None else Start.of(config.fine_tune)
         config = config if start is None else start.begun(config)
         if config.demonstration_rounds > 0:
-            config = replace(config, learner=held_until_warm(config.learner))
+            config = beginning_with_a_policy(config)
         scenarios, robot = config.load_all(), load_robots(config.robot)
         _require_native(config, robot)
         if isinstance(robot, RobotFamily):

@@ -168,6 +168,7 @@ def _train(
 
     from adrl.agents.train import train as learn
 
+    start = clone if run.start is None else run.start.policy
     # Another simulator's own processes end with the same signals, and keep no state to go on from.
     requests = stop_requests() if run.simulator is None else nullcontext(lambda: False)
     with requests as stopped:
@@ -179,8 +180,8 @@ def _train(
             demonstrations=demonstrations if imitates else None,
             probe=probe,
             mirror=env.sim.encoder.mirror,
-            start=clone if run.start is None else run.start.policy,
-            keep_best=run.start is not None and run.simulator is None,
+            start=start,
+            keep_best=start is not None and run.simulator is None,
             evaluate=run.validation(),
             on_progress=on_progress,
             start_time_s=start_time_s,
@@ -234,13 +235,15 @@ def _demonstrations(
     mirror = env.sim.encoder.mirror if learner.mirror else None
     clone = Clone(learner.td3, shown.observation.shape[1], mirror, np.random.default_rng((learner.seed, 2)))
     about = replace(run.about_policy(), input_size=shown.observation.shape[1], widths=learner.td3.widths)
+    arrived = ""
     for number in range(1, rounds + 1):
-        tell(f"demonstrations, round {number} of {rounds}")
+        tell(f"demonstrations, round {number} of {rounds}{arrived}")
         clone.fit(shown, CLONING_UPDATES)
         seed = learner.seed + number * TASKS_APART
         driven = collect(
             env, steps, expert=run.expert, noise=CALM, seed=seed, learner=clone.policy(about).act
         )
+        arrived = f", {100 * driven.success[driven.ended].mean():.1f} % of the last one's drives arrived"
         shown = shown.followed_by(driven)
     clone.fit(shown, 2 * CLONING_UPDATES)
     return shown, clone.policy(about)
