@@ -148,9 +148,12 @@ class Replanner:
 
         In the same direction, at least lookahead_m away, but never farther than the goal along the route: a waypoint is
         passed, not arrived at. A policy that was trained with the goal alone has seen no other point so near, and
-        drives straight at it, as its episode ends there, whatever stands beside the way.
+        drives straight at it, as its episode ends there, whatever stands beside the way. With `near` where it is, but at
+        most lookahead_m away.
         """
         distance = np.maximum(np.hypot(towards[:, 0], towards[:, 1]), 1e-9)
+        if self.config.near:
+            return towards * np.minimum(self.config.lookahead_m / distance, 1.0)[:, None]
         shown = np.minimum(self.config.lookahead_m, distance + self.beyond_m[rows])
         return towards * np.maximum(shown / distance, 1.0)[:, None]
 

@@ -207,8 +207,8 @@ def _require_native(config: RunConfig, robot: RobotConfig | RobotFamily) -> None
 
 
 def _of_family(config: RunConfig, family: RobotFamily, start: Start | None) -> RunConfig:
-    """The run of a family: the policy is told of the body, metres read the same for all of its robots, and none drives
-    faster than it stops within a few of them.
+    """The run of a family: the policy is told of the body, metres read the same for all of its robots, none drives faster
+    than it stops within a few of them, and one that learns by waypoints alone is shown no other point later.
 
     Raises ConfigError for a policy to begin with that is not.
     """
@@ -220,8 +220,11 @@ def _of_family(config: RunConfig, family: RobotFamily, start: Start | None) -> R
     encoder = config.encoder
     if start is None:
         encoder = replace(encoder, body=True, reach_m=REACH_M if encoder.reach_m is None else encoder.reach_m)
+    replanner = config.replanner
+    if start is None and config.guidances == ("map",):
+        replanner = replace(replanner, near=True)
     stop_within_m = STOP_WITHIN_M if config.stop_within_m is None else config.stop_within_m
-    return replace(config, encoder=encoder, stop_within_m=stop_within_m)
+    return replace(config, encoder=encoder, replanner=replanner, stop_within_m=stop_within_m)
 
 
 def _taken_as(config: RunConfig, robot: RobotConfig | RobotFamily, start: Start | None) -> RobotConfig | None:

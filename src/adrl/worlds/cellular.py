@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.errors import TaskError
+from adrl.errors import NoPath, TaskError
 from adrl.types import RobotConfig, Task, World
 from adrl.worlds.barn import CELL_M, FIELD_CELLS, field_task, field_world, path_clearance_m
 
@@ -15,6 +15,8 @@ BATCHES = 100
 """Batches tried with one fill and number of steps,"""
 DENSITIES = 20
 """and how many of those are tried: robots wider than the benchmark's get sparser fields."""
+FIELDS = 20
+"""Fields that a car tries; other robots have a task in the first."""
 
 Fields = NDArray[np.bool_]
 
@@ -44,8 +46,15 @@ class Cellular:
         )
 
     def task(self, rng: np.random.Generator, robot: RobotConfig) -> Task:
-        """Draw a field and its task. Raises TaskError for a robot too large for it."""
-        return field_task(self.generate(rng, robot), robot)
+        """Draw a field and its task: the next field where a car finds no curves. Raises TaskError for a robot too large
+        for it."""
+        reason = ""
+        for _ in range(FIELDS):
+            try:
+                return field_task(self.generate(rng, robot), robot)
+            except NoPath as error:  # there is a way, but none that this car can steer
+                reason = str(error)
+        raise TaskError(f"scenario {self.name!r}: none of {FIELDS} fields had a task: {reason}")
 
 
 def _draw_open(rng: np.random.Generator, fill: float, steps: int, margin: int) -> Fields | None:
