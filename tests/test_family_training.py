@@ -41,6 +41,14 @@ def test_no_robot_of_a_family_is_driven_faster_than_it_stops_within_a_few_decime
     assert "stop_within_m" not in Run.of(RunConfig()).about_policy().extra["environment"]
 
 
+@pytest.mark.parametrize(("guidance", "near"), [("map", True), ("goal", False), ("map,goal", False)])
+def test_one_that_learns_by_waypoints_alone_is_shown_no_farther_point_on_its_own_map(
+    guidance: str, near: bool
+):
+    assert Run.of(RunConfig(robot="any", guidance=guidance)).replanner.near == near
+    assert not Run.of(RunConfig(guidance=guidance)).replanner.near, "robots of one kind have learnt without"
+
+
 def test_each_task_has_a_robot_of_its_own_of_the_training_split():
     env = Run.of(RunConfig(robot="any")).make_env(6, task_pool=6, seed=0)
     assert [kind.robot.name for kind in env.kinds] == [f"any:train:{i}" for i in range(6)]

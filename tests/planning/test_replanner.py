@@ -245,6 +245,19 @@ def test_a_waypoint_is_shown_as_a_goal_that_is_not_yet_near(
     np.testing.assert_array_equal(replanner.as_goals(point, np.array([1])), [waypoint])
 
 
+@given(st.floats(0.01, 30.0), st.floats(-math.pi, math.pi), st.floats(0.3, 5.0))
+def test_who_learnt_by_near_points_is_shown_no_other(
+    distance: float, angle: float, lookahead_m: float
+) -> None:
+    """Waypoint and goal alike: in their direction, where they are, but at most lookahead_m away."""
+    replanner = Replanner(2, ROBOT, ReplannerConfig(cells=40, lookahead_m=lookahead_m, near=True))
+    replanner.b["beyond"][:] = 0.0, 5.0
+    point = distance * np.array([[math.cos(angle), math.sin(angle)]])
+    goal, waypoint = replanner.as_goals(np.repeat(point, 2, axis=0))
+    np.testing.assert_array_equal(goal, waypoint)
+    np.testing.assert_allclose(goal, point[0] * min(1.0, lookahead_m / distance), atol=1e-12)
+
+
 def test_handed_back_when_the_goal_is_seen() -> None:
     replanner = one_robot((1.5, 0.0))
     drive(replanner, np.zeros((22, 3)), facing_wall())

@@ -2,16 +2,19 @@
 
 import dataclasses
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 import pytest
 
-from adrl.errors import TaskError
-from adrl.worlds import ROBOTS, SCENARIOS, load_sdf, task_set
+from adrl.errors import NoPath, TaskError
+from adrl.types import SPLITS
+from adrl.worlds import FAMILIES, ROBOTS, load_sdf, task_set
+from adrl.worlds.barn import field_task
 from adrl.worlds.cellular import Cellular, have_way_through, margin_cells, smooth
 
 JACKAL = ROBOTS["jackal"]
-CELLULAR = SCENARIOS["cellular"]
+CELLULAR = Cellular()
 
 
 def slow_smooth(filled: np.ndarray) -> np.ndarray:
@@ -107,6 +110,19 @@ def test_a_robot_too_large_is_told_so() -> None:
     wide = dataclasses.replace(JACKAL, name="wide", footprint_m=None, radius_m=2.2)
     with pytest.raises(TaskError, match="wide"):
         task_set(CELLULAR, wide, "train", 1)
+
+
+@pytest.mark.slow
+def test_a_car_has_a_task_where_the_first_field_has_no_curves_for_it() -> None:
+    """Robot 662 finds none in field 662: training with a family has ended over that."""
+    car = FAMILIES["any"].draw("train", 662)
+    assert car.is_car
+    (task,) = task_set(CELLULAR, car, "train", 1, first=662)
+    seed = np.random.SeedSequence(crc32(b"cellular"), spawn_key=(SPLITS.index("train"), 662))
+    first = CELLULAR.generate(np.random.default_rng(seed), car)
+    assert task.world.circles.tobytes() != first.circles.tobytes()
+    with pytest.raises(NoPath, match="any:train:662"):
+        field_task(first, car)
 
 
 def test_the_corridor_is_the_benchmarks(barn: Path) -> None:

@@ -148,8 +148,8 @@ class Replanner:
 
         In the same direction, at least lookahead_m away, but never farther than the goal along the route: a waypoint is
         passed, not arrived at. A policy that was trained with the goal alone has seen no other point so near, and
-        drives straight at it, as its episode ends there, whatever stands beside the way. With `near` where it is, but at
-        most lookahead_m away.
+        drives straight at it, as its episode ends there, whatever stands beside the way. With `near` where it is, but
+        at most lookahead_m away.
         """
         distance = np.maximum(np.hypot(towards[:, 0], towards[:, 1]), 1e-9)
         if self.config.near:

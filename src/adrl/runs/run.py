@@ -207,8 +207,8 @@ def _require_native(config: RunConfig, robot: RobotConfig | RobotFamily) -> None
 
 
 def _of_family(config: RunConfig, family: RobotFamily, start: Start | None) -> RunConfig:
-    """The run of a family: the policy is told of the body, metres read the same for all of its robots, none drives faster
-    than it stops within a few of them, and one that learns by waypoints alone is shown no other point later.
+    """The run of a family: the policy is told of the body, metres read the same for all of its robots, none drives
+    faster than it stops within a few of them, and one that learns by waypoints alone is shown no other point later.
 
     Raises ConfigError for a policy to begin with that is not.
     """
