@@ -10,7 +10,7 @@ from adrl.agents.config import TrainConfig
 from adrl.deploy.policies import find_policy
 from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig
-from adrl.runs import RunConfig
+from adrl.runs import RunConfig, rounds
 from adrl.runs.run import REACH_M, SEED_ROBOTS, STOP_WITHIN_M, Run
 from adrl.worlds import FAMILIES, ROBOTS
 from small_run import TRAIN, run_cli
@@ -103,13 +103,40 @@ def test_rounds_of_demonstrations_need_somebody_to_ask(options: dict):
 
 @pytest.mark.slow
 @pytest.mark.integration
-def test_training_begins_with_the_clone_of_the_rounds_the_same_from_the_same_seed(tmp_path: Path):
-    rounds = ("--demonstration-rounds", "2", "--guidance", "map")
-    prints = []
-    for name in ("one", "two"):
-        assert run_cli(*TRAIN, *rounds, "--out", tmp_path / name) == 0
-        prints.append(find_policy(tmp_path / name).fingerprint)
-    assert prints[0] == prints[1]
+def test_rounds_that_were_stopped_go_on_with_the_next_to_the_same_bytes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    """And begin with the clone: the best is kept, and validated first."""
+    given = (*TRAIN, "--demonstration-rounds", "2", "--guidance", "map", "--validation-episodes", "4")
+    through, stopped = tmp_path / "through", tmp_path / "stopped"
+    assert run_cli(*given, "--out", through) == 0
+    assert "to begin with" in capsys.readouterr().err
+
+    real = rounds.collect
+
+    def killed_in_the_second(*arguments, **options):
+        if options.get("seed") == 2 * rounds.TASKS_APART:
+            raise KeyboardInterrupt
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(rounds, "collect", killed_in_the_second)
+    assert run_cli(*given, "--out", stopped) != 0
+    assert (
+        "stopped with 2 rounds of demonstrations; the same command with --resume" in capsys.readouterr().err
+    )
+    monkeypatch.setattr(rounds, "collect", real)
+    assert run_cli(*given, "--out", stopped) != 0
+    assert "unfinished run; give --resume" in capsys.readouterr().err
+    assert run_cli(*given, "--out", stopped, "--resume", "--seed", "1") != 0
+    assert "config.seed = 0, this run has 1" in capsys.readouterr().err
+    second = stopped / "checkpoint" / "rounds" / "01.safetensors"
+    whole = second.read_bytes()
+    second.write_bytes(whole[:-100])
+    assert run_cli(*given, "--out", stopped, "--resume") != 0
+    assert "01.safetensors: truncated" in capsys.readouterr().err
+    second.write_bytes(whole)
+    assert run_cli(*given, "--out", stopped, "--resume") == 0
+    assert find_policy(stopped).fingerprint == find_policy(through).fingerprint
 
 
 @pytest.mark.slow

@@ -45,7 +45,7 @@ def test_more_updates_come_nearer_to_the_labels_on_states_never_shown():
     data, other, clone = shown(rng), shown(rng), a_clone()
     errors = [error(clone, other)]
     for _ in range(2):
-        clone.fit(data, 500)
+        clone.fit(data, 500, rng)
         errors.append(error(clone, other))
     assert errors[2] < errors[1] < 0.1 * errors[0]
     assert errors[2] < 1e-3
@@ -56,9 +56,18 @@ def test_equal_seeds_give_equal_bytes():
     prints = []
     for seed in (0, 0, 1):
         clone = a_clone(seed=seed)
-        clone.fit(data, 50)
+        clone.fit(data, 50, np.random.default_rng(seed))
         prints.append(clone.policy(ABOUT).fingerprint)
     assert prints[0] == prints[1] != prints[2]
+
+
+def test_one_that_was_saved_goes_on_to_the_same_bytes():
+    data, through, other = shown(np.random.default_rng(2)), a_clone(), a_clone(seed=1)
+    through.fit(data, 100, np.random.default_rng(5))
+    other.set_state(through.state())
+    for clone in (through, other):
+        clone.fit(data, 100, np.random.default_rng(6))
+    assert through.policy(ABOUT).fingerprint == other.policy(ABOUT).fingerprint
 
 
 def test_a_mirrored_state_is_learnt_with_the_mirrored_action_and_the_labels_stay_as_they_are():
@@ -73,6 +82,6 @@ def test_a_mirrored_state_is_learnt_with_the_mirrored_action_and_the_labels_stay
     )
     kept = half.observation.tobytes(), half.expert_action.tobytes()
     clone = a_clone(Mirror(np.arange(SIZE), sign))
-    clone.fit(half, 1000)
+    clone.fit(half, 1000, np.random.default_rng(4))
     assert (half.observation.tobytes(), half.expert_action.tobytes()) == kept
     assert error(clone, data) < 1e-2, "the left half was never shown"

@@ -1,9 +1,14 @@
 """Cloning by itself: an actor fitted to what an expert would do, before anything is known of values."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from adrl.agents import networks, td3
 from adrl.agents.actor_policy import policy_of
+from adrl.agents.backend import jax, jnp
 from adrl.agents.config import Td3Config
 from adrl.agents.losses import ExpertBatch
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
@@ -21,17 +26,18 @@ class Clone:
     def __init__(
         self, config: Td3Config, observation_size: int, mirror: Mirror | None, rng: np.random.Generator
     ) -> None:
-        """mirror: of the observations; half of the rows are mirrored, None for a robot that is not symmetric."""
+        """mirror: of the observations; half of the rows are mirrored, None for a robot that is not symmetric. rng: of
+        the first weights."""
         self._sizes = networks.actor_sizes(observation_size, config.widths)
-        self._mirror, self._rng = mirror, rng
+        self._mirror = mirror
         vector = networks.init(rng, self._sizes)
         self._state = td3.fresh_clone(vector)
         self._update = td3.make_cloning(self._sizes, config.actor_learning_rate)
 
-    def fit(self, shown: Demonstrations, updates: int) -> None:
+    def fit(self, shown: Demonstrations, updates: int, rng: np.random.Generator) -> None:
         """So many updates more, rounded up to whole calls, on labels drawn evenly from all that was shown."""
         for _ in range(-(-updates // UPDATES_A_CALL)):
-            index = self._rng.integers(len(shown), size=(UPDATES_A_CALL, ROWS))
+            index = rng.integers(len(shown), size=(UPDATES_A_CALL, ROWS))
             observation, label = shown.observation[index], shown.expert_action[index]
             if self._mirror is not None:
                 self._mirror.observation(observation[:, ::2])
@@ -41,3 +47,14 @@ class Clone:
     def policy(self, config: PolicyConfig) -> MlpPolicy:
         """The averaged actor in numpy, with its own memory."""
         return policy_of(self._state.average_actor, self._sizes, config)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Copies of all that changes, by name."""
+        leaves = jax.tree.leaves(self._state)
+        return {f"{number}": np.array(leaf) for number, leaf in enumerate(leaves)}
+
+    def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from what state() returned."""
+        structure = jax.tree.structure(self._state)
+        leaves = [jnp.array(state[f"{number}"]) for number in range(structure.num_leaves)]
+        self._state = jax.tree.unflatten(structure, leaves)

@@ -66,7 +66,7 @@ class Progress:
 
 
 class TrainingStopped(KeyboardInterrupt):
-    """A signal ended a run, which has left a checkpoint to go on from."""
+    """A signal ended a run, which has left what it can go on from."""
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,6 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from adrl import extras, files
 from adrl.agents import budget, checkpoint
 from adrl.agents.interface import Progress, TrainResult
@@ -18,10 +16,11 @@ from adrl.agents.metrics import METRICS_FILE, TENSORBOARD_FOLDER
 from adrl.deploy.policy import WEIGHTS_FILE, MlpPolicy
 from adrl.envs import Body, NavVectorEnv
 from adrl.errors import AdrlError, ConfigError
-from adrl.imitation import Demonstrations, NoiseConfig, Source, collect, load_minari
+from adrl.imitation import Demonstrations, Source, collect, load_minari
 from adrl.imitation.best_planner import best_planner
 from adrl.imitation.probe import Probe, as_shown, probe_steps, record_probe
 from adrl.outputs import locked, require_folder
+from adrl.runs import rounds
 from adrl.runs.config import RunConfig
 from adrl.runs.record import versions
 from adrl.runs.run import Run
@@ -32,12 +31,6 @@ from adrl.worlds import RobotFamily
 LOG = logging.getLogger("adrl.runs")
 PROBE_STATES = 32
 """Each is driven from twice: at random, and by the expert."""
-CLONING_UPDATES = 5_000
-"""Of the clone in each round of demonstrations; twice as many after the last."""
-CALM = NoiseConfig(fraction=0.3, std=0.2)
-"""How a clone is pushed off its course: less than an expert, as it makes mistakes of its own."""
-TASKS_APART = 1_000_003
-"""Between the seeds of two rounds: other tasks, and other noise."""
 VERSIONS_FILE = "versions.json"
 RUN_FILES = (VERSIONS_FILE, METRICS_FILE, WEIGHTS_FILE, checkpoint.FOLDER)
 """One of these stands in the folder of a run."""
@@ -63,7 +56,7 @@ def train(
     require_folder("out", run.folder, *RUN_FILES)
     resumed = checkpoint.exists(run.folder)
     if not config.resume:
-        _require_no_run(run, resumed)
+        _require_no_run(run, resumed or rounds.exist(run.folder))
     elif resumed and config.guidance is None:
         run = Run.of(replace(config, guidance=_guidance_of(run.folder), out=run.folder))
     alone = run.robot if isinstance(run.robot, RobotConfig) else None
@@ -88,7 +81,7 @@ def _nothing_by_halves(folder: Path) -> Iterator[None]:
     try:
         yield
     except AdrlError:
-        if not ((folder / WEIGHTS_FILE).exists() or checkpoint.exists(folder)):
+        if not ((folder / WEIGHTS_FILE).exists() or checkpoint.exists(folder) or rounds.exist(folder)):
             for name in (VERSIONS_FILE, METRICS_FILE):
                 (folder / name).unlink(missing_ok=True)
             for name in (TENSORBOARD_FOLDER, checkpoint.FOLDER):
@@ -224,26 +217,6 @@ def _demonstrations(
         raise ConfigError(
             f"method {method_name(config.chosen_method)!r} needs demonstrations; demonstration_steps is 0"
         )
-    rounds = config.demonstration_rounds
-    steps = -(-run.demonstration_steps // (rounds + 1))
-    shown = collect(env, steps, expert=run.expert, seed=learner.seed)
-    if rounds == 0:
-        return shown, None
-
-    from adrl.agents.cloning import Clone
-
-    mirror = env.sim.encoder.mirror if learner.mirror else None
-    clone = Clone(learner.td3, shown.observation.shape[1], mirror, np.random.default_rng((learner.seed, 2)))
-    about = replace(run.about_policy(), input_size=shown.observation.shape[1], widths=learner.td3.widths)
-    arrived = ""
-    for number in range(1, rounds + 1):
-        tell(f"demonstrations, round {number} of {rounds}{arrived}")
-        clone.fit(shown, CLONING_UPDATES)
-        seed = learner.seed + number * TASKS_APART
-        driven = collect(
-            env, steps, expert=run.expert, noise=CALM, seed=seed, learner=clone.policy(about).act
-        )
-        arrived = f", {100 * driven.success[driven.ended].mean():.1f} % of the last one's drives arrived"
-        shown = shown.followed_by(driven)
-    clone.fit(shown, 2 * CLONING_UPDATES)
-    return shown, clone.policy(about)
+    if config.demonstration_rounds > 0:
+        return rounds.demonstrate(run, env, tell)
+    return collect(env, run.demonstration_steps, expert=run.expert, seed=learner.seed), None
