@@ -35,7 +35,7 @@ class Options:
     policy: Annotated[str, tyro.conf.Positional]
     """A shipped policy's name."""
     robots: int = 1000
-    """Robots of its family, with 20 tasks each."""
+    """Robots of its family on complex with the map, with 20 tasks each; a tenth of them elsewhere."""
     episodes: int = 500
     """Tasks of one robot."""
 
@@ -54,16 +54,21 @@ def rows(policy: ResolvedPolicy, options: Options) -> list[list[str]]:
                 if policy.robot != ROBOTS[name]
             ),
         ]
-    many = ["--robot", policy.family.name, "--robots", str(options.robots), "--episodes", "20"]
     placed = (
-        ("complex", "map"),
-        ("complex", "replan"),
-        ("clutter", "goal"),
-        ("rooms", "map"),
-        ("dynamic", "map"),
+        ("complex", "map", options.robots),
+        ("complex", "replan", options.robots // 10),
+        ("clutter", "map", options.robots // 10),
+        ("clutter", "replan", options.robots // 10),
+        ("clutter", "goal", options.robots // 10),
+        ("rooms", "map", options.robots // 10),
+        ("dynamic", "map", options.robots // 10),
     )
+    family = ["--robot", policy.family.name, "--episodes", "20", "--robots"]
     return [
-        *(["--scenario", place, "--guidance", guidance, *many] for place, guidance in placed),
+        *(
+            ["--scenario", place, "--guidance", guidance, *family, str(many)]
+            for place, guidance, many in placed
+        ),
         *(["--scenario", "complex", "--robot", name, "--guidance", "map", *drives] for name in NAMED),
         ["--scenario", "dynamic", "--robot", "diffbot", "--guidance", "map", *drives],
         *(

@@ -127,8 +127,13 @@ def test_rounds_that_were_stopped_go_on_with_the_next_to_the_same_bytes(
     monkeypatch.setattr(rounds, "collect", real)
     assert run_cli(*given, "--out", stopped) != 0
     assert "unfinished run; give --resume" in capsys.readouterr().err
-    assert run_cli(*given, "--out", stopped, "--resume", "--seed", "1") != 0
-    assert "config.seed = 0, this run has 1" in capsys.readouterr().err
+    for other, told in (
+        (("--seed", "1"), "run.seed = 0, this run has 1"),
+        (("--method", "td3bc"), "run.method = 'adrl', this run has 'td3bc'"),
+        (("--demonstration-rounds", "0"), "holds a run with demonstration_rounds"),
+    ):
+        assert run_cli(*given, "--out", stopped, "--resume", *other) != 0
+        assert told in capsys.readouterr().err
     second = stopped / "checkpoint" / "rounds" / "01.safetensors"
     whole = second.read_bytes()
     second.write_bytes(whole[:-100])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.errors import ConfigError
+from adrl.planning.path_guide import LOOKAHEAD_M
 from adrl.planning.replanner import Motion, Replanner, Thresholds, adapt, on_course, stagnant
 from adrl.planning.replanner_config import Form, ReplannerConfig
 from adrl.types import RobotConfig
@@ -249,13 +250,13 @@ def test_a_waypoint_is_shown_as_a_goal_that_is_not_yet_near(
 def test_who_learnt_by_near_points_is_shown_no_other(
     distance: float, angle: float, lookahead_m: float
 ) -> None:
-    """Waypoint and goal alike: in their direction, where they are, but at most lookahead_m away."""
+    """Waypoint and goal alike: in their direction, where they are, but at most as far away as guidance map has them."""
     replanner = Replanner(2, ROBOT, ReplannerConfig(cells=40, lookahead_m=lookahead_m, near=True))
     replanner.b["beyond"][:] = 0.0, 5.0
     point = distance * np.array([[math.cos(angle), math.sin(angle)]])
     goal, waypoint = replanner.as_goals(np.repeat(point, 2, axis=0))
     np.testing.assert_array_equal(goal, waypoint)
-    np.testing.assert_allclose(goal, point[0] * min(1.0, lookahead_m / distance), atol=1e-12)
+    np.testing.assert_allclose(goal, point[0] * min(1.0, LOOKAHEAD_M / distance), atol=1e-12)
 
 
 def test_handed_back_when_the_goal_is_seen() -> None:

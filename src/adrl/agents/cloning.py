@@ -12,6 +12,7 @@ from adrl.agents.backend import jax, jnp
 from adrl.agents.config import Td3Config
 from adrl.agents.losses import ExpertBatch
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
+from adrl.errors import CheckpointError
 from adrl.imitation import Demonstrations
 from adrl.observation import Mirror
 
@@ -54,7 +55,10 @@ class Clone:
         return {f"{number}": np.array(leaf) for number, leaf in enumerate(leaves)}
 
     def set_state(self, state: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from what state() returned."""
-        structure = jax.tree.structure(self._state)
-        leaves = [jnp.array(state[f"{number}"]) for number in range(structure.num_leaves)]
-        self._state = jax.tree.unflatten(structure, leaves)
+        """Continue from what state() returned. Raises CheckpointError for one of another size."""
+        mine = self.state()
+        shapes, given = ({name: array.shape for name, array in each.items()} for each in (mine, state))
+        if shapes != given:
+            raise CheckpointError(f"the clone's arrays are {given}, expected {shapes}; delete the rounds")
+        leaves = [jnp.array(state[name]) for name in mine]
+        self._state = jax.tree.unflatten(jax.tree.structure(self._state), leaves)

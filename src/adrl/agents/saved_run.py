@@ -81,7 +81,8 @@ def identity_of_before(saved: dict[str, Any]) -> dict[str, Any]:
     """An identity that an earlier version wrote, as today's are."""
     environment = dict(saved.get("environment") or {})
     if "replanner" in environment:
-        environment["replanner"] = without_constants(ReplannerConfig, environment["replanner"])
+        known = without_constants(ReplannerConfig, environment["replanner"])
+        environment["replanner"] = with_defaults(ReplannerConfig, known)
         saved = saved | {"environment": environment}
     return learner_of_before(saved)
 

@@ -19,8 +19,8 @@ from adrl.imitation import (
     require_minari,
     save_minari,
 )
-from adrl.imitation.best_planner import best_planner
-from adrl.imitation.experts import PERFECT
+from adrl.imitation.best_planner import planner_of
+from adrl.imitation.experts import PERFECT, find_expert
 from adrl.observation import EncoderConfig
 from adrl.outputs import require_folder
 from adrl.worlds import load_robot
@@ -122,7 +122,7 @@ def _from_simulator(options: CollectOptions) -> int:
         encoder=options.encoder,
         task_priority=0.0,
     )
-    planner = best_planner(env)
+    planner = planner_of(find_expert(options.expert), env)
     console().print(str(planner))
     env.expert = planner.controller
     demonstrations = collect(env, options.steps, expert=options.expert, seed=options.seed)

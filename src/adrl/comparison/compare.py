@@ -19,7 +19,8 @@ from adrl.evaluation.results import write_table
 from adrl.imitation.experts import PERFECT
 from adrl.json_files import read_json
 from adrl.outputs import locked, require_folder
-from adrl.types import without_constants
+from adrl.planning.replanner_config import ReplannerConfig
+from adrl.types import with_defaults, without_constants
 
 SCHEMA_VERSION = 1
 SETTINGS_FILE = "settings.json"
@@ -128,6 +129,8 @@ def _claimed(folder: Path) -> _Claimed | None:
             f"{path} {error}; these are not the settings of a comparison: give another folder"
         ) from None
     settings: dict[str, Any] = UNKNOWN_BEFORE | without_constants(CompareConfig, content["settings"])
+    if isinstance(settings.get("replanner"), dict):
+        settings["replanner"] = with_defaults(ReplannerConfig, settings["replanner"])
     if isinstance(settings.get("learner"), dict):
         settings["learner"] = learner_of_before(settings["learner"])
     methods = {name: learner_of_before(learner) for name, learner in content["methods"].items()}

@@ -11,6 +11,7 @@ from adrl.types import RobotConfig, Task
 
 if TYPE_CHECKING:
     from adrl.envs import NavVectorEnv
+    from adrl.imitation.experts import Expert
 
 TRIALS = 50
 """Tasks that each controller drives."""
@@ -43,8 +44,15 @@ class Trial:
         return f"{TITLES[self.controller]}: {100 * self.success:.0f} % of the trials, pace {self.pace:.2f}"
 
 
-def best_planner(env: "NavVectorEnv") -> Trial:
-    """The trial of the best controller for the robots of env, in its first tasks; the same for every seed.
+def planner_of(expert: "Expert", env: "NavVectorEnv") -> Trial:
+    """The trial of the controller that an expert is made of: its own, or the best for the robots."""
+    own = getattr(expert, "planner", None)
+    return best_planner(env) if own is None else best_planner(env, (own,))
+
+
+def best_planner(env: "NavVectorEnv", names: Sequence[str] | None = None) -> Trial:
+    """The trial of the best of these controllers, or of all, for the robots of env, in its first tasks; the same for
+    every seed.
 
     In the order of what a decision costs: the first that arrives and keeps a good pace. If there is none, the fastest
     of those that arrive; if none does, the one that arrives most often.
@@ -53,7 +61,7 @@ def best_planner(env: "NavVectorEnv") -> Trial:
     robots = [env.kinds[env.kind_of_task(i)].robot for i in numbers]
     tasks = [env.task(i) for i in numbers]
     trials = []
-    for name in CONTROLLERS:
+    for name in CONTROLLERS if names is None else names:
         trials.append(trial(name, robots, tasks, env.sim.num_threads))
         if trials[-1].arrives and trials[-1].pace <= GOOD_PACE:
             return trials[-1]

@@ -94,14 +94,14 @@ class Demonstrations:
     def __len__(self) -> int:
         return len(self.observation)
 
-    def followed_by(self, more: Self) -> Self:
+    def followed_by(self, *more: Self) -> Self:
         """These steps, and then others of the same kind."""
-        both = [
+        parts = [
             {f.name: getattr(part, f.name) for f in fields(part)}
             | {"periods": np.broadcast_to(part.periods, len(part))}
-            for part in (self, more)
+            for part in (self, *more)
         ]
-        return type(self)(**{name: np.concatenate([part[name] for part in both]) for name in both[0]})
+        return type(self)(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
 
     @property
     def ended(self) -> Mask:

@@ -1,12 +1,13 @@
 """Experts: who shows how to drive. The planner, and what people and poor planners make of its commands.
 
-Each is a small class with at most one number. What an expert does wrong follows from its seed, for all robots at once.
+Each is a small class with at most one number. All but `cautious` make something of the robot's best planner. What an
+expert does wrong follows from its seed, for all robots at once.
 """
 
 import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Annotated, ClassVar, Protocol, runtime_checkable
 from zlib import crc32
 
 import numpy as np
@@ -49,7 +50,8 @@ class Driver:
 class Expert(Protocol):
     """Who shows how to drive. str() of it is what --expert takes.
 
-    `drives` may be there too, a number: so many drives, from start to end, are all that it shows.
+    `drives` may be there too, a number: so many drives, from start to end, are all that it shows. So may `planner`, the
+    controller that it is made of, whatever the robot's best one is.
     """
 
     def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
@@ -205,12 +207,13 @@ class Few(_Named):
 
 @dataclass(frozen=True)
 class Cautious(_Named):
-    """A*+MPPI to which obstacles are NUMBER (4) times as repulsive: it keeps clear of them, and drives some 7 % longer.
+    """A*+MPPI to which obstacles are NUMBER (4) times as repulsive: it keeps clear of them, and is as fast.
 
     Whoever imitates it may be off by more before it touches something.
     """
 
     repulsion: Annotated[float, Range(1.0, 100.0)] = 4.0
+    planner: ClassVar[str] = "mppi"
 
     def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
         """Drives whatever the robot's own planner is."""
@@ -227,10 +230,13 @@ class _CautiousDriver(Driver):
             return mppi
 
         self._control = env.sim.local_control(config)
+        self._task, self._time_s = np.full(env.num_envs, -1), np.zeros(env.num_envs)
 
     def actions(self) -> F32:
-        sim = self.env.sim
-        self._control.restart(np.flatnonzero(sim.b["time"] == 0.0))
+        sim, task, time_s = self.env.sim, self.env.task_index, self.env.sim.b["time"]
+        begun = (task != self._task) | (time_s < self._time_s) | (time_s == 0.0)
+        self._control.restart(np.flatnonzero(begun))
+        self._task, self._time_s = task, time_s.copy()
         return sim.planned_actions(self._control)
 
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from adrl import _core
 from adrl.observation import footprint_extent
 from adrl.planning.global_planner import inscribed_radius_m
+from adrl.planning.path_guide import LOOKAHEAD_M
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array, Form, RobotConfig, RobotRows
 
@@ -149,11 +150,11 @@ class Replanner:
         In the same direction, at least lookahead_m away, but never farther than the goal along the route: a waypoint is
         passed, not arrived at. A policy that was trained with the goal alone has seen no other point so near, and
         drives straight at it, as its episode ends there, whatever stands beside the way. With `near` where it is, but
-        at most lookahead_m away.
+        at most as far away as guidance `map` shows one.
         """
         distance = np.maximum(np.hypot(towards[:, 0], towards[:, 1]), 1e-9)
         if self.config.near:
-            return towards * np.minimum(self.config.lookahead_m / distance, 1.0)[:, None]
+            return towards * np.minimum(LOOKAHEAD_M / distance, 1.0)[:, None]
         shown = np.minimum(self.config.lookahead_m, distance + self.beyond_m[rows])
         return towards * np.maximum(shown / distance, 1.0)[:, None]
 

@@ -54,9 +54,9 @@ class ReplannerConfig:
     """Least distance of a waypoint along the route, m."""
     lookahead_m: Annotated[float, Range(0.001, 1000.0)] = 1.5
     """Greatest distance of a waypoint along the route, m; 0.001 to 1000."""
-    near: bool = False
-    """Show the policy waypoints where they are and the goal no farther than lookahead_m, as guidance map does. Set for
-    a family that is trained with map alone: it has seen no point farther away."""
+    near: bool | None = None
+    """Show the policy waypoints where they are and the goal no farther than guidance map shows one, for a policy that
+    has seen no point farther away. Left out: for a family that is trained with map alone."""
     margin_m: Annotated[float, Range(0.001, 10.0)] = 0.05
     """Clearance in m that routes keep beyond the robot's radius; 0.001 to 10."""
     comfort_m: Annotated[float, Range(0.001, 10.0)] = 0.3

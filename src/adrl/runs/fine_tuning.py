@@ -71,6 +71,8 @@ class Start:
                 )
         learner = replace(learner, td3=replace(learner.td3, widths=widths))
         replanner = self.setup.replanner if config.replanner == ReplannerConfig() else config.replanner
+        if replanner.near is None:  # how it is shown points is part of what it has learnt
+            replanner = replace(replanner, near=self.setup.replanner.near)
         stop_within_m = config.stop_within_m
         if stop_within_m is None and math.isfinite(self.setup.stop_within_m):
             stop_within_m = self.setup.stop_within_m

@@ -9,6 +9,7 @@ Each round is a file, so that a run that is stopped goes on with the next one, t
 import dataclasses
 import itertools
 import json
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,8 +24,8 @@ from adrl.agents import checkpoint
 from adrl.agents.interface import TrainingStopped
 from adrl.deploy.policy import MlpPolicy
 from adrl.envs import NavVectorEnv
-from adrl.errors import CheckpointError, brief
-from adrl.files import sync
+from adrl.errors import AdrlError, CheckpointError, brief
+from adrl.files import require_ordinary, sync
 from adrl.imitation import Demonstrations, NoiseConfig, collect
 from adrl.runs.run import Run
 
@@ -38,73 +39,98 @@ CALM = NoiseConfig(fraction=0.3, std=0.2)
 TASKS_APART = 1_000_003
 """Between the seeds of two rounds: other tasks, and other noise."""
 FOLDER = "rounds"
-ABOUT, CLONE = "about", "clone."
-"""The metadata that says whose round a file is; what the names of the clone's arrays begin with."""
+ABOUT, SECONDS = "about", "seconds"
+"""Metadata of a file: whose round it is, and the wall clock that it took."""
+CLONE = "clone."
+"""What the names of the clone's arrays begin with."""
 
 
 @dataclass(frozen=True)
-class _Round:
+class Round:
     """What was driven, and the parameters and moments of the clone that drove; none in the first round."""
 
     shown: Demonstrations
     clone: dict[str, NDArray[Any]]
+    seconds: float
+    """Wall clock, the clone's fitting included."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Of all rounds."""
+
+    shown: Demonstrations
+    clone: MlpPolicy
+    seconds_before: float
+    """Wall clock of the rounds that the folder held already."""
 
 
 def exist(run: Path) -> bool:
     """Whether a run folder holds rounds to go on from."""
-    return bool(_files(run))
+    return any((run / checkpoint.FOLDER / FOLDER).glob("*.safetensors"))
 
 
-def demonstrate(run: Run, env: NavVectorEnv, tell: Callable[[str], None]) -> tuple[Demonstrations, MlpPolicy]:
-    """All that is shown in the rounds of a run, those that its folder holds among them, and the clone of it.
+def demonstrate(run: Run, env: NavVectorEnv, tell: Callable[[str], None]) -> Outcome:
+    """Drive the rounds of a run that its folder does not hold yet. tell(phase) is told what is done.
 
-    tell(phase) is told what is done. Raises CheckpointError for rounds of another run, and TrainingStopped.
+    Raises CheckpointError for rounds of another run, and TrainingStopped. In another simulator, where no run can be
+    resumed, none is kept.
     """
     try:
         return _demonstrate(run, env, tell)
     except KeyboardInterrupt:
-        if not exist(run.folder):
+        count = len(_files(run.folder))
+        if count == 0:
             raise
         raise TrainingStopped(
-            f"stopped with {len(_files(run.folder))} rounds of demonstrations; the same command with --resume goes on "
-            f"from there ({run.folder})"
+            f"stopped with {count} rounds of demonstrations; the same command with --resume goes on from there "
+            f"({run.folder})"
         ) from None
 
 
-def _demonstrate(
-    run: Run, env: NavVectorEnv, tell: Callable[[str], None]
-) -> tuple[Demonstrations, MlpPolicy]:
+def _demonstrate(run: Run, env: NavVectorEnv, tell: Callable[[str], None]) -> Outcome:
     from adrl.agents.cloning import Clone
 
     learner, rounds = run.learner, run.config.demonstration_rounds
     steps = -(-run.demonstration_steps // (rounds + 1))
     about = _about(run, env.expert, steps)
-    kept = [_load(path, about) for path in _files(run.folder)[: rounds + 1]]
-    if not kept:
-        kept.append(_Round(collect(env, steps, expert=run.expert, seed=learner.seed), {}))
-        _save(run.folder, 0, kept[0], about)
-    shown = kept[0].shown
-    for later in kept[1:]:
-        shown = shown.followed_by(later.shown)
+    known = [load(path, about) for path in _files(run.folder)[: rounds + 1]]
+    seconds_before = sum(one.seconds for one in known)
+    began_s = time.monotonic()
 
+    def keep(number: int, shown: Demonstrations, clone: "Clone | None") -> None:
+        nonlocal began_s
+        state, seconds = {} if clone is None else clone.state(), time.monotonic() - began_s
+        began_s += seconds
+        if run.simulator is None:
+            save(_file(run.folder, number), Round(shown, state, seconds), about)
+
+    if known:
+        shown = known[0].shown.followed_by(*(one.shown for one in known[1:]))
+    else:
+        shown = collect(env, steps, expert=run.expert, seed=learner.seed)
+        keep(0, shown, None)
     size, widths = shown.observation.shape[1], learner.td3.widths
     mirror = env.sim.encoder.mirror if learner.mirror else None
     clone = Clone(learner.td3, size, mirror, np.random.default_rng((learner.seed, 2)))
-    if kept[-1].clone:
-        clone.set_state(kept[-1].clone)
-    config = replace(run.about_policy(), input_size=size, widths=widths)
-    arrived = ""
-    for number in range(len(kept), rounds + 1):
+    if len(known) > 1:
+        clone.set_state(known[-1].clone)
+    first, known = max(len(known), 1), []
+    config, arrived = replace(run.about_policy(), input_size=size, widths=widths), ""
+    for number in range(first, rounds + 1):
         tell(f"demonstrations, round {number} of {rounds}{arrived}")
         _fit(clone, shown, learner.seed, number)
         seed, driver = learner.seed + number * TASKS_APART, clone.policy(config).act
         driven = collect(env, steps, expert=run.expert, noise=CALM, seed=seed, learner=driver)
-        arrived = f", {100 * driven.success[driven.ended].mean():.1f} % of the last one's drives arrived"
-        _save(run.folder, number, _Round(driven, clone.state()), about)
+        keep(number, driven, clone)
+        ends = driven.success[driven.terminated]
+        arrived = (
+            f", the last clone arrived {int(ends.sum())} times and hit something {int((~ends).sum())} times"
+        )
         shown = shown.followed_by(driven)
     tell(f"demonstrations, last clone{arrived}")
     _fit(clone, shown, learner.seed, rounds + 1, calls=2)
-    return shown, clone.policy(config)
+    return Outcome(shown, clone.policy(config), seconds_before)
 
 
 def _about(run: Run, planner: str, steps: int) -> dict[str, Any]:
@@ -115,15 +141,17 @@ def _about(run: Run, planner: str, steps: int) -> dict[str, Any]:
         "family": policy.family,
         "encoder": policy.encoder,
         "environment": policy.extra["environment"],
+        "reward": policy.extra["reward"],
+        "method": policy.method,
         "expert": str(run.expert),
         "planner": planner,
-        "steps_a_round": steps,
+        "demonstration_steps / (demonstration_rounds + 1)": steps,
         "seed": run.learner.seed,
         "mirror": run.learner.mirror,
         "widths": td3.widths,
         "actor_learning_rate": td3.actor_learning_rate,
     }
-    return json.loads(json.dumps(about))
+    return json.loads(json.dumps(about, default=str))
 
 
 def _fit(clone: "Clone", shown: Demonstrations, seed: int, number: int, calls: int = 1) -> None:
@@ -140,32 +168,45 @@ def _files(run: Path) -> list[Path]:
     return list(itertools.takewhile(Path.exists, (_file(run, number) for number in itertools.count())))
 
 
-def _save(run: Path, number: int, one: _Round, about: dict[str, Any]) -> None:
-    path = _file(run, number)
+def save(path: Path, one: Round, about: dict[str, Any]) -> None:
+    """Write a round; a kill leaves it whole or not there. Raises OSError."""
     path.parent.mkdir(parents=True, exist_ok=True)
     columns = {
         field.name: np.asarray(getattr(one.shown, field.name)) for field in dataclasses.fields(one.shown)
     }
     arrays = columns | {CLONE + name: array for name, array in one.clone.items()}
     new = path.with_name(f".new-{path.name}")
-    save_file(
-        {name: np.ascontiguousarray(array) for name, array in arrays.items()}, new, {ABOUT: json.dumps(about)}
-    )
-    sync(new)
-    new.rename(path)
-
-
-def _load(path: Path, about: dict[str, Any]) -> _Round:
     try:
+        save_file(
+            {name: np.asarray(array, order="C") for name, array in arrays.items()},
+            new,
+            {ABOUT: json.dumps(about), SECONDS: str(one.seconds)},
+        )
+        sync(new)
+    except SafetensorError as error:  # what the library makes of a full disk
+        new.unlink(missing_ok=True)
+        raise OSError(None, f"cannot be written ({brief(error)})", str(path)) from None
+    new.rename(path)
+    sync(path.parent)
+
+
+def load(path: Path, about: dict[str, Any]) -> Round:
+    """A round that save() wrote. Raises CheckpointError for a bad file, and for one of another run."""
+    try:
+        require_ordinary(path)
         with safe_open(path, "numpy") as file:
-            saved = json.loads((file.metadata() or {})[ABOUT])
+            metadata = file.metadata() or {}
+            saved, seconds = json.loads(metadata[ABOUT]), float(metadata[SECONDS])
             arrays = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
         columns = {name: array for name, array in arrays.items() if not name.startswith(CLONE)}
         clone = {name.removeprefix(CLONE): arrays[name] for name in arrays.keys() - columns.keys()}
-        one = _Round(Demonstrations(**columns), clone)
-    except (OSError, SafetensorError, ValueError, KeyError, TypeError) as error:
+        shown = Demonstrations(**columns)
+        if bool(clone) == (path.name == _file(path, 0).name):
+            raise ValueError("the first round has no clone, and the others one each")
+    except (OSError, SafetensorError, ValueError, KeyError, TypeError, IndexError, AdrlError) as error:
         raise CheckpointError(
-            f"{path}: truncated, or not a round of demonstrations ({brief(error)}); delete it, and it is driven again"
+            f"{path}: truncated, or not a round of demonstrations ({brief(error)}); delete it and those after it, and "
+            "they are driven again"
         ) from None
-    checkpoint.require_same(path, saved, about)
-    return one
+    checkpoint.require_same(path, saved, about, "run")
+    return Round(shown, clone, seconds)

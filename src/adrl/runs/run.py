@@ -221,8 +221,8 @@ def _of_family(config: RunConfig, family: RobotFamily, start: Start | None) -> R
     if start is None:
         encoder = replace(encoder, body=True, reach_m=REACH_M if encoder.reach_m is None else encoder.reach_m)
     replanner = config.replanner
-    if start is None and config.guidances == ("map",):
-        replanner = replace(replanner, near=True)
+    if start is None and replanner.near is None:
+        replanner = replace(replanner, near=config.guidances == ("map",))
     stop_within_m = STOP_WITHIN_M if config.stop_within_m is None else config.stop_within_m
     return replace(config, encoder=encoder, replanner=replanner, stop_within_m=stop_within_m)
 

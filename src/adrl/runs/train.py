@@ -17,7 +17,7 @@ from adrl.deploy.policy import WEIGHTS_FILE, MlpPolicy
 from adrl.envs import Body, NavVectorEnv
 from adrl.errors import AdrlError, ConfigError
 from adrl.imitation import Demonstrations, Source, collect, load_minari
-from adrl.imitation.best_planner import best_planner
+from adrl.imitation.best_planner import planner_of
 from adrl.imitation.probe import Probe, as_shown, probe_steps, record_probe
 from adrl.outputs import locked, require_folder
 from adrl.runs import rounds
@@ -57,6 +57,8 @@ def train(
     resumed = checkpoint.exists(run.folder)
     if not config.resume:
         _require_no_run(run, resumed or rounds.exist(run.folder))
+    elif rounds.exist(run.folder) and config.demonstration_rounds == 0:
+        raise ConfigError(f"{run.folder} holds a run with demonstration_rounds; give as many again")
     elif resumed and config.guidance is None:
         run = Run.of(replace(config, guidance=_guidance_of(run.folder), out=run.folder))
     alone = run.robot if isinstance(run.robot, RobotConfig) else None
@@ -141,11 +143,14 @@ def _train(
     shown = imitates or (probed and _no_more_is_shown(run))
     demonstrates = shown and run.config.dataset is None
     drives = demonstrates or (probed and run.start is None)
-    planner = best_planner(env) if drives else None
+    planner = planner_of(run.expert, env) if drives else None
     if planner is not None:
         env.expert = planner.controller
-    demonstrations, clone = _demonstrations(run, env, tell) if shown else (None, None)
+    demonstrations, clone, spent_s = _demonstrations(run, env, tell) if shown else (None, None, 0.0)
     demonstrated_s = time.monotonic()
+    began_s -= spent_s
+    if not resumed:  # a checkpoint counts it
+        start_time_s -= spent_s
     probe = None
     if probed:
         tell("probe")
@@ -208,15 +213,17 @@ def _no_more_is_shown(run: Run) -> bool:
 
 def _demonstrations(
     run: Run, env: NavVectorEnv, tell: Callable[[str], None]
-) -> tuple[Demonstrations, MlpPolicy | None]:
-    """What is shown, and the clone of it that training begins with, if there is one."""
+) -> tuple[Demonstrations, MlpPolicy | None, float]:
+    """What is shown, the clone of it that training begins with, if there is one, and the seconds that a run which was
+    stopped had spent on it."""
     config, learner = run.config, run.learner
     if config.dataset is not None:
-        return load_minari(config.dataset, Source.of(env)), None
+        return load_minari(config.dataset, Source.of(env)), None, 0.0
     if run.demonstration_steps == 0:
         raise ConfigError(
             f"method {method_name(config.chosen_method)!r} needs demonstrations; demonstration_steps is 0"
         )
     if config.demonstration_rounds > 0:
-        return rounds.demonstrate(run, env, tell)
-    return collect(env, run.demonstration_steps, expert=run.expert, seed=learner.seed), None
+        outcome = rounds.demonstrate(run, env, tell)
+        return outcome.shown, outcome.clone, outcome.seconds_before
+    return collect(env, run.demonstration_steps, expert=run.expert, seed=learner.seed), None, 0.0

@@ -53,6 +53,8 @@ class Cellular:
             try:
                 return field_task(self.generate(rng, robot), robot)
             except NoPath as error:  # there is a way, but none that this car can steer
+                if not robot.is_car:
+                    raise
                 reason = str(error)
         raise TaskError(f"scenario {self.name!r}: none of {FIELDS} fields had a task: {reason}")
 

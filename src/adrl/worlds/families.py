@@ -246,7 +246,7 @@ class RobotFamily:
             "seconds from the full yaw rate to none",
             self.yaw_braking_s,
         )
-        for name in ("lag_s", "latency_s", "odometry_drift", "control_period_s"):
+        for name in ("lag_s", "latency_s", "control_period_s"):  # no policy is told how its odometry drifts
             yield name, getattr(robot, name), "", getattr(self, name)
         for name in ("num_beams", "fov_rad", "max_range_m", "noise_std_m", "dropout_probability"):
             yield f"lidar.{name}", getattr(lidar, name), "", getattr(ours, name)
