@@ -9,6 +9,7 @@ import pytest
 
 import resume_run
 from adrl.agents.config import Td3Config, TrainConfig
+from adrl.agents.saved_run import identity_of_before
 from adrl.comparison.compare import SETTINGS_FILE, claim
 from adrl.comparison.config import CompareConfig
 from adrl.deploy.policy import load_policy, resolve_policy
@@ -153,10 +154,24 @@ def test_a_comparison_of_before_goes_on(tmp_path: Path) -> None:
     settings = content["settings"] | CONSTANTS[CompareConfig]
     settings["replanner"] |= CONSTANTS[ReplannerConfig]
     settings["learner"] = of_before(settings["learner"])
+    for section, name in (("replanner", "near"), ("encoder", "num_tracks")):
+        del settings[section][name]
+    for name in ("demonstration_rounds", "stop_within_m", "expert"):
+        del settings[name]
     methods = {name: of_before(learner) for name, learner in content["methods"].items()}
     path.write_text(json.dumps(content | {"settings": settings, "methods": methods}))
     claim(dataclasses.replace(config, methods="adrl,td3,bc"), tmp_path)
     assert json.loads(path.read_text())["methods"].keys() == {"adrl", "td3", "bc"}
+
+
+def test_a_checkpoint_of_before_may_know_fewer_constants_of_the_replanner() -> None:
+    today = {"environment": {"replanner": dataclasses.asdict(ReplannerConfig())}}
+    before = {
+        "environment": {
+            "replanner": {k: v for k, v in today["environment"]["replanner"].items() if k != "near"}
+        }
+    }
+    assert identity_of_before(before)["environment"] == today["environment"]
 
 
 @pytest.mark.parametrize("name", ["diffbot", "jackal"])

@@ -1,5 +1,6 @@
 """The comparison from nothing, or from where it was stopped, to its tables."""
 
+import json
 from collections.abc import Callable, Container
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,16 +17,12 @@ from adrl.comparison.ray_pool import run_on_ray
 from adrl.comparison.results import markdown, method_rows, read_runs
 from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.evaluation.results import write_table
-from adrl.imitation.experts import PERFECT
 from adrl.json_files import read_json
 from adrl.outputs import locked, require_folder
-from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import with_defaults, without_constants
 
 SCHEMA_VERSION = 1
 SETTINGS_FILE = "settings.json"
-UNKNOWN_BEFORE = {"expert": PERFECT}
-"""What the settings of older results do not name, and what it was."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +94,7 @@ def claim(config: CompareConfig, folder: Path) -> None:
     """
     methods = config.method_settings()
     known: dict[str, Any] = {}
-    if (claimed := _claimed(folder)) is not None:
+    if (claimed := _claimed(config, folder)) is not None:
         if (driving := claimed.get("driving", 1)) != DRIVING:
             raise ConfigError(
                 f"{folder} was begun when planners, demonstrations or waypoints were others (driving {driving} there, "
@@ -112,11 +109,11 @@ def claim(config: CompareConfig, folder: Path) -> None:
 
 def require_same(config: CompareConfig, folder: Path) -> None:
     """For reading results that are complete, whatever drove then. Raises ConfigError as claim does, but for that."""
-    if (claimed := _claimed(folder)) is not None:
+    if (claimed := _claimed(config, folder)) is not None:
         _require_same(config, folder, claimed)
 
 
-def _claimed(folder: Path) -> _Claimed | None:
+def _claimed(config: CompareConfig, folder: Path) -> _Claimed | None:
     """What a folder's results share, with the names and options of today; None of a folder without results."""
     path = folder / SETTINGS_FILE
     if not path.exists():
@@ -128,11 +125,11 @@ def _claimed(folder: Path) -> _Claimed | None:
         raise CheckpointError(
             f"{path} {error}; these are not the settings of a comparison: give another folder"
         ) from None
-    settings: dict[str, Any] = UNKNOWN_BEFORE | without_constants(CompareConfig, content["settings"])
-    if isinstance(settings.get("replanner"), dict):
-        settings["replanner"] = with_defaults(ReplannerConfig, settings["replanner"])
-    if isinstance(settings.get("learner"), dict):
-        settings["learner"] = learner_of_before(settings["learner"])
+    told = without_constants(CompareConfig, content["settings"])
+    filled: dict[str, Any] = json.loads(json.dumps(with_defaults(CompareConfig, told), default=str))
+    settings = {name: value for name, value in filled.items() if name in told or name in config.settings()}
+    if isinstance(told.get("learner"), dict):
+        settings["learner"] = learner_of_before(told["learner"])
     methods = {name: learner_of_before(learner) for name, learner in content["methods"].items()}
     return {**content, "settings": settings, "methods": methods}
 

@@ -29,7 +29,7 @@ CONFIG_FILE = "config.json"
 MAX_MODEL_BYTES = 2**30
 DEFAULT = "default"
 SHIPPED = {
-    DEFAULT: "ships with ADRL: diffbot, waypoints of a map",
+    DEFAULT: "ships with ADRL: any robot, waypoints of a map",
     "diffbot": "ships with ADRL: diffbot, waypoints of a map",
     "jackal": "ships with ADRL: the Jackal among BARN's cylinders, no map",
 }

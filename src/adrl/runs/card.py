@@ -106,7 +106,7 @@ def _options(given: Mapping[str, Any], known: Mapping[str, Any], prefix: str) ->
             yield from _options(value, known[name], "" if name == "learner" else f"{prefix}{name}.")
             continue
         option = f"{prefix}{name}".replace("_", "-")
-        if isinstance(value, bool):
+        if isinstance(known[name], bool):  # a flag; one that may be left to the run has a value
             yield f"--{option}" if value else f"--{prefix}no-{name.replace('_', '-')}"
         else:
             yield f"--{option}"
