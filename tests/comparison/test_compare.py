@@ -91,6 +91,14 @@ class TestConfig:
         assert getattr(config.run("rl-reward", 0, Path("here")), option) == expected
         assert getattr(config.run("td3", 0, Path("here")), option) == left
 
+    def test_rounds_of_demonstrations_are_for_those_who_imitate(self) -> None:
+        config = CompareConfig(methods="all,sb3-sac", demonstration_rounds=3, learner=BUDGET)
+        for method in config.method_names:
+            run = config.run(method, 0, Path("here"))
+            assert run.demonstration_rounds == (3 if run.resolved().schedule.imitates else 0), method
+        assert config.run("adrl", 0, Path("here")).demonstration_rounds == 3
+        assert config.run("td3", 0, Path("here")).demonstration_rounds == 0
+
     @pytest.mark.parametrize(
         ("options", "error"),
         [

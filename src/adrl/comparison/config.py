@@ -151,8 +151,11 @@ class CompareConfig(RunConfig):
         known = "td3" if method in SB3_METHODS else method
         values |= {"method": known, "out": out, "learner": replace(self.learner, seed=seed)}
         values["resume"] = self.env == NATIVE  # other simulators keep no state
-        alone = RunConfig(**values | {"dataset": None, "expert": PERFECT})
-        return RunConfig(**values) if alone.resolved().uses_expert else alone
+        alone = RunConfig(**values | {"dataset": None, "expert": PERFECT, "demonstration_rounds": 0})
+        learner = alone.resolved()
+        if not learner.schedule.imitates:  # nobody is cloned
+            values["demonstration_rounds"] = 0
+        return RunConfig(**values) if learner.uses_expert else alone
 
     def title(self) -> str:
         """What all results share, in a line."""
