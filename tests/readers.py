@@ -35,6 +35,7 @@ from adrl.report.source import read_source
 from adrl.reproduction import results as kept
 from adrl.reproduction.numbers import table_rows
 from adrl.reproduction.run import run_lines
+from adrl.runs import rounds
 from adrl.types import RobotConfig
 from adrl.worlds import MapScenario, load_robot, load_sdf
 from adrl.worlds.place import Place
@@ -99,12 +100,15 @@ def read_onnx(path: Path) -> None:
     OnnxPolicy(session, str(path), "")
 
 
+ROUND, ABOUT = "checkpoint/rounds/01.safetensors", {"seed": 0}
+
 READERS: dict[str, tuple[str, str, Callable[[Path], object]]] = {
     "policy": ("policy", "config.json", read_run),
     "weights": ("policy", "policy.safetensors", load_policy),
     "onnx": ("onnx", "metadata", lambda folder: read_onnx(folder / "metadata")),
     "checkpoint": ("run", "checkpoint/000000000064/state.json", checkpoint.load),
     "checkpoint part": ("run", "checkpoint/000000000064/a.safetensors", checkpoint.load),
+    "round": ("run", ROUND, lambda folder: rounds.load(folder / ROUND, ABOUT)),
     "metrics": ("run", "metrics.jsonl", lambda folder: read_metrics(folder / "metrics.jsonl")),
     "report of a run": ("run", "metrics.jsonl", read_report),
     "summary": ("evaluation", "summary.json", read_report),
@@ -175,7 +179,9 @@ def write_valid(top: Path) -> None:
     assert run_cli(*evaluate, "--map", place) == 0
     write_comparison(top / "comparison", json.loads((top / "evaluation" / "summary.json").read_text()))
     env = NavVectorEnv(4, task_pool=4)
-    save_minari(collect(env, 64, seed=0), top / "dataset", Source.of(env))
+    shown = collect(env, 64, seed=0)
+    save_minari(shown, top / "dataset", Source.of(env))
+    rounds.save(top / "run" / ROUND, rounds.Round(shown, {"0": np.arange(6.0)}, 1.0), ABOUT)
     for name in ("about.json", "clutter/settings.json", "clutter/adrl-s0", "clutter/astar-dwa"):
         (top / "reproduction" / name).parent.mkdir(parents=True, exist_ok=True)
         copy = shutil.copytree if (KEPT / name).is_dir() else shutil.copy
