@@ -114,8 +114,10 @@ class Ros:
         return process
 
     def node(self, kind: str, *options: str, namespace: str = "", **remaps: str) -> Process:
-        """adrl ros1 or ros2 with options, parameters (name:=value) among them."""
+        """adrl ros1 or ros2 with options, parameters (name:=value) among them. What drives has the diffbot's policy."""
         ours = [option for option in options if ":=" not in option]
+        if kind != "sim" and "--policy" not in ours:
+            ours += ["--policy", "diffbot"]
         parameters = [option for option in options if ":=" in option]
         if self.generation == 1:
             theirs = [f"_{parameter}" for parameter in parameters]
