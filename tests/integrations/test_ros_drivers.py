@@ -147,7 +147,7 @@ def test_a_robot_that_the_policy_was_not_trained_for_is_guarded_as_it_is_and_sai
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     with caplog.at_level(logging.WARNING, "adrl"):
-        node = Node(robot="turtlebot3_waffle").run(1)
+        node = Node(policy="diffbot", robot="turtlebot3_waffle").run(1)
     navigator = node.topics.driver.navigator
     assert navigator.robot == load_robot("turtlebot3_waffle")
     assert navigator.supervisor is not None
@@ -162,7 +162,7 @@ def test_a_robot_that_the_policy_was_not_trained_for_is_guarded_as_it_is_and_sai
     ):
         assert words in said
         assert words in caplog.text
-    own = Node(robot="diffbot").run(1).out.take("adrl/status")[0].status[0]
+    own = Node(policy="diffbot").run(1).out.take("adrl/status")[0].status[0]
     assert "policy" not in {pair.key for pair in own.values}
 
 
