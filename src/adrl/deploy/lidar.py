@@ -21,7 +21,8 @@ def readings(scan: Scan) -> tuple[Array, Mask]:
     """(K,) ranges in metres, infinity where nothing is within reach, and (K,) which beams tell anything."""
     ranges = np.where(np.isneginf(scan.ranges), max(scan.range_min_m, 1e-3), scan.ranges)
     told = (ranges > 0.0) & (ranges >= scan.range_min_m)  # not NaN either
-    free = ranges >= scan.range_max_m * (1.0 - 1e-6)
+    # As training compares them: in float32, which messages have too. A hit just within reach is a hit.
+    free = ranges.astype(np.float32) >= np.float32(scan.range_max_m)
     return np.where(told & ~free, ranges, np.inf), told
 
 
