@@ -127,7 +127,8 @@ def _claimed(config: CompareConfig, folder: Path) -> _Claimed | None:
         ) from None
     told = without_constants(CompareConfig, content["settings"])
     filled: dict[str, Any] = json.loads(json.dumps(with_defaults(CompareConfig, told), default=str))
-    settings = {name: value for name, value in filled.items() if name in told or name in config.settings()}
+    shared = told.keys() | config.settings().keys()
+    settings = {name: value for name, value in filled.items() if name in shared}
     if isinstance(told.get("learner"), dict):
         settings["learner"] = learner_of_before(told["learner"])
     methods = {name: learner_of_before(learner) for name, learner in content["methods"].items()}

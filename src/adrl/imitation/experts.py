@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from adrl.errors import ConfigError
 from adrl.imitation.bursts import Bursts
+from adrl.imitation.episode_starts import EpisodeStarts
 from adrl.imitation.narrow_shy import ShyPaths
 from adrl.observation import in_robot_frame, to_action, to_twist
 from adrl.planning.local_control import mppi_config
@@ -230,14 +231,11 @@ class _CautiousDriver(Driver):
             return mppi
 
         self._control = env.sim.local_control(config)
-        self._task, self._time_s = np.full(env.num_envs, -1), np.zeros(env.num_envs)
+        self._starts = EpisodeStarts(env)
 
     def actions(self) -> F32:
-        sim, task, time_s = self.env.sim, self.env.task_index, self.env.sim.b["time"]
-        begun = (task != self._task) | (time_s < self._time_s) | (time_s == 0.0)
-        self._control.restart(np.flatnonzero(begun))
-        self._task, self._time_s = task, time_s.copy()
-        return sim.planned_actions(self._control)
+        self._control.restart(self._starts.rows())
+        return self.env.sim.planned_actions(self._control)
 
 
 PERFECT = "perfect"

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.errors import ConfigError
+from adrl.imitation.episode_starts import EpisodeStarts
 from adrl.planning.global_planner import Cell, grid_path, inscribed_radius_m, nearest_free, shorten
 from adrl.planning.grid import MAX_RESOLUTION_M, FreeSpace, free_space, inflation_m, planning_grid
 from adrl.planning.local_control import LocalControl, near_config
@@ -59,17 +60,15 @@ class ShyPaths:
         self._ends_at_goal = np.ones(env.num_envs, dtype=bool)
         self.at_end = np.zeros(env.num_envs, dtype=bool)
         """(N,) robots that have come as far as they dare, short of the goal."""
-        self._task = np.full(env.num_envs, -1)
-        self._time_s = np.zeros(env.num_envs)
+        self._starts = EpisodeStarts(env)
 
     def commands(self) -> Array:
         """(N, 2) speed and yaw rate in the current states; none for those at_end."""
-        env, pose, time_s = self._env, self._b["pose"], self._b["time"]
-        begun = np.flatnonzero((self._task != env.task_index) | (time_s < self._time_s))
+        env, pose = self._env, self._b["pose"]
+        begun = self._starts.rows()
         for i in begun:
             self._begin(int(i))
         self._control.restart(begun)
-        self._task, self._time_s = env.task_index, time_s.copy()
         self._guide.follow(pose)
         out = np.zeros((env.num_envs, 2))
         self._guide.plan(self._control.native, out)
