@@ -1,6 +1,8 @@
 """A training on the robots of a family, from the command line to the policy that drives each of them."""
 
 import json
+import os
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -116,7 +118,7 @@ def test_rounds_that_were_stopped_go_on_with_the_next_to_the_same_bytes(
 
     def killed_in_the_second(*arguments, **options):
         if options.get("seed") == 2 * rounds.TASKS_APART:
-            raise KeyboardInterrupt
+            os.kill(os.getpid(), signal.SIGTERM)
         return real(*arguments, **options)
 
     monkeypatch.setattr(rounds, "collect", killed_in_the_second)

@@ -1,4 +1,7 @@
-"""SIGINT and SIGTERM as a request: long work ends at its next safe point, and a second signal ends it at once."""
+"""SIGINT and SIGTERM as a request: long work ends at its next safe point, and a second signal ends it at once.
+
+Work that may end anywhere needs no such point: there SIGTERM does what SIGINT does.
+"""
 
 import os
 import signal
@@ -39,3 +42,17 @@ def stop_requests() -> Iterator[Callable[[], bool]]:
         yield lambda: asked
     finally:
         give_back()
+
+
+@contextmanager
+def termination_interrupts() -> Iterator[None]:
+    """SIGTERM raises KeyboardInterrupt, where nobody else handles it."""
+    main = threading.current_thread() is threading.main_thread()
+    if not main or signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL:
+        yield
+        return
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)

@@ -28,6 +28,7 @@ from adrl.errors import AdrlError, CheckpointError, brief
 from adrl.files import require_ordinary, sync
 from adrl.imitation import Demonstrations, NoiseConfig, collect
 from adrl.runs.run import Run
+from adrl.signals import termination_interrupts
 
 if TYPE_CHECKING:
     from adrl.agents.cloning import Clone
@@ -77,7 +78,8 @@ def demonstrate(run: Run, env: NavVectorEnv, tell: Callable[[str], None]) -> Out
     resumed, none is kept.
     """
     try:
-        return _demonstrate(run, env, tell)
+        with termination_interrupts():
+            return _demonstrate(run, env, tell)
     except KeyboardInterrupt:
         count = len(_files(run.folder))
         if count == 0:
