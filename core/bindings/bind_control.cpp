@@ -161,6 +161,9 @@ void bind_control(nb::module_ &m) {
         nb::arg("config"));
     m.def("control_memory", &control_memory, nb::arg("controller"));
     nb::class_<BoundControl>(m, "LocalControl")
+        .def_prop_rw(
+            "recovers", [](const BoundControl &b) { return b.native.recovers; },
+            [](BoundControl &b, bool recovers) { b.native.recovers = recovers; })
         .def(nb::new_(&make_control), nb::arg("num_robots"), nb::arg("num_threads"), nb::arg("kinds"),
              nb::arg("foresee"), nb::arg("buffers"));
 }

@@ -88,7 +88,7 @@ Twist LocalControl::decide(int i, Scratch &scratch, const DriveLimits &limits, c
                         setup.dt_s,        moving,          time_s};
     double *memory = memory_ + static_cast<std::ptrdiff_t>(i) * memory_size_;
     const Twist chosen = scratch.controllers[kind_[i]]->command(now, memory + kRecoveryMemory);
-    return clip_command(recover(now, chosen, memory), limits);
+    return clip_command(recovers ? recover(now, chosen, memory) : chosen, limits);
 }
 
 } // namespace adrl

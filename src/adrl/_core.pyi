@@ -268,6 +268,7 @@ class LocalControl:
         foresee: bool,
         buffers: dict[str, NDArray[Any]],
     ) -> None: ...
+    recovers: bool
 
 class SimConfig:
     clearance_limit_m: float

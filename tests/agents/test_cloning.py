@@ -85,3 +85,13 @@ def test_a_mirrored_state_is_learnt_with_the_mirrored_action_and_the_labels_stay
     clone.fit(half, 1000, np.random.default_rng(4))
     assert (half.observation.tobytes(), half.expert_action.tobytes()) == kept
     assert error(clone, data) < 1e-2, "the left half was never shown"
+
+
+def test_of_two_answers_the_more_frequent_is_learnt_and_not_what_lies_between():
+    """Who drives on in two of three cases and backs out in the third does not stand."""
+    rng = np.random.default_rng(4)
+    data, clone = shown(rng), a_clone()
+    forward = rng.random(len(data)) < 2 / 3
+    data.expert_action[:, 0] = np.where(forward, 0.8, -0.8)
+    clone.fit(data, 1000, rng)
+    assert np.abs(clone.policy(ABOUT).act(data.observation)[:, 0] - 0.8).mean() < 0.1

@@ -206,3 +206,23 @@ def test_what_is_shown_later_follows_what_was_shown_before(recorded: Demonstrati
     for name, column in columns(both).items():
         np.testing.assert_array_equal(column[: len(recorded)], columns(recorded)[name])
         np.testing.assert_array_equal(column[len(recorded) :], columns(more)[name])
+
+
+@pytest.mark.parametrize("expert", ["perfect", "slow", "narrow-shy", "cautious"])
+def test_a_learner_that_stands_is_told_what_the_expert_would_do_there_and_not_how_to_get_unstuck(
+    expert: str,
+) -> None:
+    """In one place a planner says one thing, MPPI about one; its own recovery says others for 2 of 6 s."""
+    env = NavVectorEnv(8, scenario="clutter", task_pool=8, randomize=False)
+    stand = np.tile(np.float32([-1.0, 0.0]), (8, 1))
+    data = collect(env, 8 * 120, expert=expert, noise=NoiseConfig(fraction=0.0), learner=lambda _: stand)
+    labels = data.expert_action.reshape(8, 120, 2)
+    assert np.ptp(labels[:, 60:], axis=1).max() < (0.5 if expert == "cautious" else 1e-6)
+    assert np.abs(labels[:, -1] - stand).max(axis=1).min() > 0.1, "each is told to go"
+    # Who is at the wheel itself does recover: the environment's planner is as it was.
+    env.reset(seed=0)
+    seen = []
+    for _ in range(80):
+        seen.append(env.expert_actions())
+        env.step(stand)
+    assert np.ptp(np.array(seen)[10:], axis=0).max() > 0.1

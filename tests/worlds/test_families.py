@@ -15,6 +15,7 @@ from adrl.errors import ConfigError, UnknownName
 from adrl.types import SPLITS, LidarConfig, RobotConfig
 from adrl.worlds import FAMILIES, ROBOTS, LidarFamily, RobotFamily, load_robot, load_robots
 from adrl.worlds.families import family_from_fields
+from adrl.worlds.tasks import time_limit_s
 from random_robots import robots
 
 ANY = FAMILIES["any"]
@@ -230,16 +231,26 @@ def test_a_family_is_no_robot_and_a_robot_no_family(tmp_path: Path) -> None:
 
 @settings(deadline=None)
 @given(robots(), st.floats(0.02, 1.5))
-def test_a_slowed_robot_stops_within_the_metres_and_no_slower_than_that_asks(
+def test_a_slowed_robot_stops_and_turns_within_the_metres_and_is_no_slower_than_that_asks(
     robot: RobotConfig, within_m: float
 ):
     slowed = robot.slowed(within_m)
+    turns_in_m = slowed.max_speed_mps / slowed.max_yaw_rate_radps
     assert slowed.stop_distance_m <= within_m * (1.0 + 1e-9)
+    assert turns_in_m <= 2.0 * within_m * (1.0 + 1e-9)
     if slowed is robot:
-        assert robot.stop_distance_m <= within_m
         return
-    assert slowed.stop_distance_m == pytest.approx(within_m)
+    as_far, as_tight = pytest.approx(within_m), pytest.approx(2.0 * within_m)
+    assert slowed.stop_distance_m == as_far or turns_in_m == as_tight
     assert slowed.max_speed_mps < robot.max_speed_mps
     assert slowed.min_speed_mps == max(robot.min_speed_mps, -slowed.max_speed_mps)
     same = replace(slowed, max_speed_mps=robot.max_speed_mps, min_speed_mps=robot.min_speed_mps)
     assert same == robot, "nothing else is changed"
+
+
+@settings(deadline=None)
+@given(robots(), st.floats(1.0, 50.0))
+def test_time_limits_go_by_a_speed_at_which_the_robot_turns_within_a_metre(robot: RobotConfig, way_m: float):
+    tight = robot.max_yaw_rate_radps * 1.0
+    speed = (way_m * 2.5) / (time_limit_s(way_m, robot) - 10.0)
+    assert speed == pytest.approx(min(robot.max_speed_mps, tight))

@@ -1,5 +1,6 @@
 """Cloning by itself: an actor fitted to what an expert would do, before anything is known of values."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -19,6 +20,7 @@ from adrl.observation import Mirror
 ROWS = 512
 """Of an update. Labels are cheap, and the clone is waited for: a small batch would only be noisier."""
 UPDATES_A_CALL = 50
+LEARNING_RATE = 5e-4
 
 
 class Clone:
@@ -33,17 +35,26 @@ class Clone:
         self._mirror = mirror
         vector = networks.init(rng, self._sizes)
         self._state = td3.fresh_clone(vector)
-        self._update = td3.make_cloning(self._sizes, config.actor_learning_rate)
+        self._update = td3.make_cloning(self._sizes)
 
-    def fit(self, shown: Demonstrations, updates: int, rng: np.random.Generator) -> None:
-        """So many updates more, rounded up to whole calls, on labels drawn evenly from all that was shown."""
-        for _ in range(-(-updates // UPDATES_A_CALL)):
+    def fit(
+        self, shown: Demonstrations, updates: int, rng: np.random.Generator, *, last: bool = False
+    ) -> None:
+        """So many updates more, rounded up to whole calls, on labels drawn evenly from all that was shown.
+
+        last: nothing more will be shown, and the learning rate falls to 0, by half a cosine (Loshchilov and Hutter
+        2017).
+        """
+        calls = -(-updates // UPDATES_A_CALL)
+        share = np.linspace(0.0, 1.0, calls * UPDATES_A_CALL, dtype=np.float32).reshape(calls, -1)
+        rates = LEARNING_RATE * (0.5 + 0.5 * np.cos(math.pi * share) if last else np.ones_like(share))
+        for rate in rates:
             index = rng.integers(len(shown), size=(UPDATES_A_CALL, ROWS))
             observation, label = shown.observation[index], shown.expert_action[index]
             if self._mirror is not None:
                 self._mirror.observation(observation[:, ::2])
                 self._mirror.action(label[:, ::2])
-            self._state = self._update(self._state, ExpertBatch(observation, label))
+            self._state = self._update(self._state, ExpertBatch(observation, label), rate)
 
     def policy(self, config: PolicyConfig) -> MlpPolicy:
         """The averaged actor in numpy, with its own memory."""

@@ -162,20 +162,26 @@ def fresh_clone(actor: np.ndarray) -> CloneState:
     return CloneState(jnp.array(actor), jnp.array(actor), moments)
 
 
-def make_cloning(
-    sizes: networks.Sizes, learning_rate: float
-) -> Callable[[CloneState, ExpertBatch], CloneState]:
-    """Compile updates by the cloning loss of eq 6 alone: state (donated), batches (U, B, ...) -> new state."""
+@functools.cache
+def make_cloning(sizes: networks.Sizes) -> Callable[[CloneState, ExpertBatch, Array], CloneState]:
+    """Compile updates by the labels alone: state (donated), batches (U, B, ...), learning rates (U,) -> new state.
+
+    By the absolute error: of an expert that drives on or backs out the squared one of eq 6 learns the mean, which is to
+    stand, and this one the more frequent.
+    """
 
     def error(actor: Array, batch: ExpertBatch) -> Array:
-        return losses.squared_error(networks.actor(actor, batch.observation, sizes), batch.action).mean()
+        return jnp.abs(networks.actor(actor, batch.observation, sizes) - batch.action).sum(axis=-1).mean()
 
-    def update(state: CloneState, batch: ExpertBatch) -> tuple[CloneState, None]:
+    def update(state: CloneState, given: tuple[ExpertBatch, Array]) -> tuple[CloneState, None]:
+        batch, learning_rate = given
         actor, adam = _adam(state.actor, jax.grad(error)(state.actor, batch), state.adam, learning_rate)
         average = _follow(state.average_actor, actor, Td3Config.actor_average, adam.steps)
         return CloneState(actor, average, adam), None
 
-    return jax.jit(lambda state, batches: jax.lax.scan(update, state, batches)[0], donate_argnums=0)
+    return jax.jit(
+        lambda state, batches, rates: jax.lax.scan(update, state, (batches, rates))[0], donate_argnums=0
+    )
 
 
 @functools.cache
@@ -214,7 +220,7 @@ def _follow(average: Array, new: Array, share: float, steps: Array) -> Array:
     return average + share_now * (new - average)
 
 
-def _adam(parameters: Array, gradient: Array, adam: Adam, learning_rate: float) -> tuple[Array, Adam]:
+def _adam(parameters: Array, gradient: Array, adam: Adam, learning_rate: Array | float) -> tuple[Array, Adam]:
     """One step of Adam (Kingma and Ba 2015) with bias correction: one pass over a flat vector."""
     steps = adam.steps + 1.0
     mean = BETA_1 * adam.mean + (1.0 - BETA_1) * gradient

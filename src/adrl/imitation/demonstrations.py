@@ -1,6 +1,7 @@
 """Demonstrations of an expert, recorded with noise so that getting back on course is seen too."""
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
@@ -158,8 +159,10 @@ def collect(
     noise_rng = np.random.default_rng((seed, 1))
     offsets = _Offsets(noise or NoiseConfig(), env.num_envs, noise_rng)
     steps: list[dict[str, NDArray[Any]]] = []
+    asked = nullcontext if learner is None else driver.control.advising
     while not extent.reached:
-        label = driver.actions()
+        with asked():
+            label = driver.actions()
         meant = label if learner is None else learner(observation)
         action = driver.within_reach(meant + offsets.step(env.sim.rows.robot.control_period_s))
         periods = env.periods

@@ -18,7 +18,7 @@ from adrl.imitation.bursts import Bursts
 from adrl.imitation.episode_starts import EpisodeStarts
 from adrl.imitation.narrow_shy import ShyPaths
 from adrl.observation import in_robot_frame, to_action, to_twist
-from adrl.planning.local_control import mppi_config
+from adrl.planning.local_control import LocalControl, mppi_config
 from adrl.ranges import Range, check_ranges
 from adrl.registry import look_up
 from adrl.types import ACTION_SIZE, RobotConfig
@@ -37,6 +37,11 @@ class Driver:
         self.env = env
         self.given_up = np.zeros(env.num_envs, dtype=bool)
         """(N,) rows that it drives no further, by what actions() saw last."""
+
+    @property
+    def control(self) -> LocalControl:
+        """The controllers that its actions are made of."""
+        return self.env.sim.expert
 
     def actions(self) -> F32:
         """(N, 2) what the expert does in the environment's current states. Asked once a step."""
@@ -154,6 +159,10 @@ class _ShyDriver(Driver):
         super().__init__(env)
         self._paths = ShyPaths(env, width_m)
 
+    @property
+    def control(self) -> LocalControl:
+        return self._paths.control
+
     def actions(self) -> F32:
         commands = self._paths.commands()
         self.given_up = self._paths.at_end
@@ -232,6 +241,10 @@ class _CautiousDriver(Driver):
 
         self._control = env.sim.local_control(config)
         self._starts = EpisodeStarts(env)
+
+    @property
+    def control(self) -> LocalControl:
+        return self._control
 
     def actions(self) -> F32:
         self._control.restart(self._starts.rows())

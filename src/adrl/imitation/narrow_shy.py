@@ -52,7 +52,7 @@ class ShyPaths:
         # A way round an obstacle, half the width off it, is longer than this: the point to head for is never seen
         # through a gap that the way goes round. MPPI's samples would cut through one all the same.
         config = near_config("pursuit" if env.expert == "mppi" else env.expert, robot, width_m)
-        self._control = LocalControl(env.num_envs, robot, config, num_threads=sim.num_threads)
+        self.control = LocalControl(env.num_envs, robot, config, num_threads=sim.num_threads)
         self._guide = _core.BatchSim(
             env.num_envs, sim.num_threads, [(robot.native, sim_config(robot, "goal"))], self._b
         )
@@ -68,10 +68,10 @@ class ShyPaths:
         begun = self._starts.rows()
         for i in begun:
             self._begin(int(i))
-        self._control.restart(begun)
+        self.control.restart(begun)
         self._guide.follow(pose)
         out = np.zeros((env.num_envs, 2))
-        self._guide.plan(self._control.native, out)
+        self._guide.plan(self.control.native, out)
         self.at_end = ~self._ends_at_goal & (self._b["route_left"] < NEAR_M)
         out[self.at_end] = 0.0
         return out

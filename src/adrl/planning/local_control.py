@@ -1,6 +1,7 @@
 """Local controllers of N robots: what drives along a path, knowing the world or a map of the robot's own."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -92,6 +93,16 @@ class LocalControl:
         ]
         kind = np.zeros(num_robots, np.intp) if kind is None else kind
         self.native = _core.LocalControl(num_robots, num_threads, kinds, foresee, self.b | {"kind": kind})
+
+    @contextmanager
+    def advising(self) -> Iterator[None]:
+        """Somebody else drives, and asks what these controllers would do: robots that stand are not led out of where
+        they are stuck, as their drivers may just not heed what they are told."""
+        self.native.recovers = False
+        try:
+            yield
+        finally:
+            self.native.recovers = True
 
     def restart(self, indices: NDArray[np.intp]) -> None:
         """Forget what is remembered of robots `indices` (M,)."""

@@ -72,8 +72,9 @@ class RunConfig(Place):
     randomize: bool = True
     """Vary robots and sensors mildly from episode to episode."""
     stop_within_m: Annotated[float, Range(0.01, 1000.0)] | None = None
-    """The policy asks for no more speed than the robot stops from within so many metres: what is learnt of one robot
-    is then of use to another; 0.01 to 1000 m. Left out: 0.3 m for a family, 1000 for a robot."""
+    """The policy asks for no more speed than the robot stops from within so many metres, and turns at within twice as
+    many: what is learnt of one robot is then of use to another; 0.01 to 1000 m. Left out: 0.3 m for a family, 1000 for
+    a robot."""
     encoder: EncoderConfig = field(default_factory=EncoderConfig)
     learner: Annotated[TrainConfig, tyro.conf.arg(name="")] = field(default_factory=TrainConfig)
 

@@ -34,7 +34,9 @@ if TYPE_CHECKING:
     from adrl.agents.cloning import Clone
 
 CLONING_UPDATES = 5_000
-"""Of the clone in each round; twice as many after the last."""
+"""Of the clone in each round."""
+LAST_UPDATES = 20_000
+"""After the last one."""
 CALM = NoiseConfig(fraction=0.3, std=0.2)
 """How a clone is pushed off its course: less than an expert, as it makes mistakes of its own."""
 TASKS_APART = 1_000_003
@@ -121,7 +123,7 @@ def _demonstrate(run: Run, env: NavVectorEnv, tell: Callable[[str], None]) -> Ou
     config, arrived = replace(run.about_policy(), input_size=size, widths=widths), ""
     for number in range(first, rounds + 1):
         tell(f"demonstrations, round {number} of {rounds}{arrived}")
-        _fit(clone, shown, learner.seed, number)
+        clone.fit(shown, CLONING_UPDATES, _stream(learner.seed, number))
         seed, driver = learner.seed + number * TASKS_APART, clone.policy(config).act
         driven = collect(env, steps, expert=run.expert, noise=CALM, seed=seed, learner=driver)
         keep(number, driven, clone)
@@ -131,7 +133,7 @@ def _demonstrate(run: Run, env: NavVectorEnv, tell: Callable[[str], None]) -> Ou
         )
         shown = shown.followed_by(driven)
     tell(f"demonstrations, last clone{arrived}")
-    _fit(clone, shown, learner.seed, rounds + 1, calls=2)
+    clone.fit(shown, LAST_UPDATES, _stream(learner.seed, rounds + 1), last=True)
     return Outcome(shown, clone.policy(config), seconds_before)
 
 
@@ -151,14 +153,13 @@ def _about(run: Run, planner: str, steps: int) -> dict[str, Any]:
         "seed": run.learner.seed,
         "mirror": run.learner.mirror,
         "widths": td3.widths,
-        "actor_learning_rate": td3.actor_learning_rate,
     }
     return json.loads(json.dumps(about, default=str))
 
 
-def _fit(clone: "Clone", shown: Demonstrations, seed: int, number: int, calls: int = 1) -> None:
-    """Fitted with a stream of the round's own, so that it is the same after a stop."""
-    clone.fit(shown, calls * CLONING_UPDATES, np.random.default_rng((seed, 2, number)))
+def _stream(seed: int, number: int) -> np.random.Generator:
+    """Of a round's own, so that a clone is fitted to the same bytes after a stop."""
+    return np.random.default_rng((seed, 2, number))
 
 
 def _file(run: Path, number: int) -> Path:

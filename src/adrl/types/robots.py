@@ -24,6 +24,8 @@ SLIP_M, SLIP_RAD = 0.1, 0.2
 """Odometry may jump by so much beyond what the robot can drive."""
 STANDS_MPS = 0.01
 """A robot that is slower stands."""
+TURNS_WITHIN_M = 1.0
+"""Radius of the turn that a robot's indoor speed, which time limits go by, leaves it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -200,17 +202,29 @@ class RobotConfig(HasNative):
         braking_m = (speed**2 - tail**2) / (2.0 * self.max_acceleration_mps2)
         return speed * self.latency_s + braking_m + tail * self.lag_s
 
+    @property
+    def indoor_speed_mps(self) -> float:
+        """Greatest forward speed, or that at which it turns within a metre: faster it drives along no wall."""
+        return min(self.max_speed_mps, TURNS_WITHIN_M * self.max_yaw_rate_radps)
+
     def slowed(self, stop_within_m: float) -> Self:
-        """The same robot, told no more than the speeds from which it stops within so many metres; itself where it
-        does at its own."""
-        if self.stop_distance_m <= stop_within_m:
+        """The same robot, told no more than the speeds from which it stops within so many metres, and at which it
+        turns within twice as many; itself where it does at its own."""
+        speed = 2.0 * stop_within_m * self.max_yaw_rate_radps
+        if self.stop_distance_m > stop_within_m:
+            speed = min(speed, self._speed_before(stop_within_m))
+        if speed >= self.max_speed_mps:
             return self
+        return replace(self, max_speed_mps=speed, min_speed_mps=max(self.min_speed_mps, -speed))
+
+    def _speed_before(self, stop_within_m: float) -> float:
+        """The speed from which it stops within so many metres: stop_distance_m, solved for it."""
         lag, latency, brake = self.lag_s, self.latency_s, self.max_acceleration_mps2
         speed = stop_within_m / (latency + lag) if latency + lag > 0.0 else math.inf
         if speed > brake * lag:  # it does not stop by the lag alone: v^2 / 2 b + v latency + b lag^2 / 2
             way = stop_within_m - 0.5 * brake * lag**2
             speed = brake * (math.sqrt(latency**2 + 2.0 * way / brake) - latency)
-        return replace(self, max_speed_mps=speed, min_speed_mps=max(self.min_speed_mps, -speed))
+        return speed
 
     @property
     def _tail_mps(self) -> float:
