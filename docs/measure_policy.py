@@ -25,6 +25,7 @@ RESULTS = ROOT / "docs" / "results" / "policies"
 MAPS = tuple(
     f"tests/data/maps/{name}.yaml" for name in ("willow/willow-full", "depot/depot", "turtlebot3_world/map")
 )
+CARS = "docs/policies/cars.toml"
 NAMED = ("diffbot", "turtlebot3_burger", "turtlebot3_waffle", "jackal")
 
 
@@ -63,12 +64,14 @@ def rows(policy: ResolvedPolicy, options: Options) -> list[list[str]]:
         ("rooms", "map", options.robots // 10),
         ("dynamic", "map", options.robots // 10),
     )
-    family = ["--robot", policy.family.name, "--episodes", "20", "--robots"]
+    several = ["--episodes", "20", "--robots"]
+    family, tenth = ["--robot", policy.family.name, *several], str(options.robots // 10)
     return [
         *(
             ["--scenario", place, "--guidance", guidance, *family, str(many)]
             for place, guidance, many in placed
         ),
+        ["--scenario", "complex", "--guidance", "map", "--robot", CARS, *several, tenth],
         *(["--scenario", "complex", "--robot", name, "--guidance", "map", *drives] for name in NAMED),
         ["--scenario", "dynamic", "--robot", "diffbot", "--guidance", "map", *drives],
         *(

@@ -1,9 +1,11 @@
 """Cloning by itself: the clone comes to what the labels say, and goes on where it was."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from adrl.agents.cloning import Clone
-from adrl.agents.config import Td3Config
+from adrl.agents.td3 import CloneState
 from adrl.deploy.policy import PolicyConfig
 from adrl.imitation import Demonstrations
 from adrl.observation import Mirror
@@ -37,7 +39,7 @@ def error(clone: Clone, data: Demonstrations) -> float:
 
 
 def a_clone(mirror: Mirror | None = None, seed: int = 0) -> Clone:
-    return Clone(Td3Config(widths=(32, 32)), SIZE, mirror, np.random.default_rng(seed))
+    return Clone((32, 32), SIZE, mirror, np.random.default_rng(seed))
 
 
 def test_more_updates_come_nearer_to_the_labels_on_states_never_shown():
@@ -95,3 +97,29 @@ def test_of_two_answers_the_more_frequent_is_learnt_and_not_what_lies_between():
     data.expert_action[:, 0] = np.where(forward, 0.8, -0.8)
     clone.fit(data, 1000, rng)
     assert np.abs(clone.policy(ABOUT).act(data.observation)[:, 0] - 0.8).mean() < 0.1
+
+
+def test_the_last_fit_comes_to_rest():
+    """Labels that cannot be learnt move a clone for ever, but not in the last calls, where nothing more is to come."""
+    rng, moved = np.random.default_rng(5), {}
+    data = shown(rng)
+    data.expert_action[:] = rng.choice([-0.9, 0.9], data.expert_action.shape)
+    for last in (False, True):
+        clone, steps = a_clone(), []
+        clone._update = spied(clone._update, steps)
+        clone.fit(data, 500, np.random.default_rng(6), last=last)
+        moved[last] = steps
+    assert moved[True][0] > 0.9 * moved[False][0]
+    assert moved[True][-1] < 0.1 * moved[False][-1]
+
+
+def spied(update: Callable, steps: list[float]) -> Callable:
+    """Notes how far the parameters go in each call."""
+
+    def noted(state: CloneState, *given: object) -> CloneState:
+        before = np.array(state.actor)
+        after = update(state, *given)
+        steps.append(float(np.linalg.norm(np.array(after.actor) - before)))
+        return after
+
+    return noted

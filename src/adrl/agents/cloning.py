@@ -1,7 +1,7 @@
 """Cloning by itself: an actor fitted to what an expert would do, before anything is known of values."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from adrl.agents import networks, td3
 from adrl.agents.actor_policy import policy_of
 from adrl.agents.backend import jax, jnp
-from adrl.agents.config import Td3Config
 from adrl.agents.losses import ExpertBatch
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.errors import CheckpointError
@@ -20,18 +19,20 @@ from adrl.observation import Mirror
 ROWS = 512
 """Of an update. Labels are cheap, and the clone is waited for: a small batch would only be noisier."""
 UPDATES_A_CALL = 50
+"""Compiled into one."""
 LEARNING_RATE = 5e-4
+"""Of Adam; docs/decisions.md has others."""
 
 
 class Clone:
     """An actor of a run's size that goes on being fitted to more and more labels. Its policy is the averaged actor."""
 
     def __init__(
-        self, config: Td3Config, observation_size: int, mirror: Mirror | None, rng: np.random.Generator
+        self, widths: Sequence[int], observation_size: int, mirror: Mirror | None, rng: np.random.Generator
     ) -> None:
-        """mirror: of the observations; half of the rows are mirrored, None for a robot that is not symmetric. rng: of
-        the first weights."""
-        self._sizes = networks.actor_sizes(observation_size, config.widths)
+        """widths: of the layers. mirror: of the observations; half of the rows are mirrored, None for a robot that is
+        not symmetric. rng: of the first weights."""
+        self._sizes = networks.actor_sizes(observation_size, widths)
         self._mirror = mirror
         vector = networks.init(rng, self._sizes)
         self._state = td3.fresh_clone(vector)

@@ -38,7 +38,7 @@ class Td3Config:
     bc_batch_size: Annotated[int, Range(1, 100000)] = 128
     """Demonstration rows of the cloning term of an actor update; 1 to 100000."""
     actor_learning_rate: Annotated[float, Range(1e-12, 1.0)] = 1e-3
-    """Step size of Adam for the actor; 1e-12 to 1."""
+    """Step size of Adam for the actor; 1e-12 to 1. Rounds of demonstrations have their own."""
     critic_learning_rate: Annotated[float, Range(1e-12, 1.0)] = 1e-3
     """The same for the critics; 1e-12 to 1."""
     polyak: Annotated[float, Range(0.0, 1.0)] = 0.01

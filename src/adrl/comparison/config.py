@@ -27,7 +27,7 @@ from adrl.worlds import RobotFamily, load_robots
 
 ALL = "all"
 EVAL_INTERVAL_STEPS = 16_000
-DRIVING = 2
+DRIVING = 3
 """Number of what drives, and of what it is shown: results with another one are not gone on with. It grows when
 planners, who demonstrates, what S is measured against, or what a guidance shows change without an option of theirs.
 
@@ -35,6 +35,8 @@ planners, who demonstrates, what S is measured against, or what a guidance shows
    far; S of a method that does not imitate is measured against the perfect expert.
 2: A*+DWA has the exact footprint, and the planner that suits the robot demonstrates; replan shows waypoints lookahead_m
    away; S of all methods of a comparison is measured against its one expert.
+3: time limits of robots that turn within more than a metre are longer, robots of families turn within twice the metres
+   they stop in, and labels of rounds know no recovery.
 """
 NOT_SHARED = (
     "methods",

@@ -54,7 +54,7 @@ class ResolvedPolicy:
     told_of_body: bool = False
     """Whether it is told what the robot's body is, and takes each as it is."""
     stop_within_m: float = math.inf
-    """From all the speeds that it asks for a robot stops within so many metres."""
+    """See RobotConfig.slowed: it asks for no greater speed; infinite for any."""
     encoder_inside: bool = False
     """Whether it encodes measurements by itself, as one of its own robot."""
     guidance: str = "goal"

@@ -27,7 +27,7 @@ class Setup:
     replanner: ReplannerConfig
     """The constants of guidance `replan`; the defaults for a policy that was trained without."""
     stop_within_m: float = math.inf
-    """From all the speeds that it asks for a robot stops within so many metres."""
+    """See RobotConfig.slowed: it asks for no greater speed; infinite for any."""
 
     def taken_as(self, driven: RobotConfig) -> RobotConfig:
         """A robot as the policy takes it: where the policy is told of it as it is, but for speeds that it does not
@@ -44,7 +44,7 @@ class Setup:
                     f"the policy was trained for robot {self.trained_as.name} and is exported for that; leave out "
                     f"robot {robot.name}"
                 )
-            return self.trained_as
+            return self.trained_as.slowed(self.stop_within_m)
         if robot is None:
             name = "any" if self.family is None else self.family.name
             raise ConfigError(

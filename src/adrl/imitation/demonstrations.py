@@ -159,7 +159,7 @@ def collect(
     noise_rng = np.random.default_rng((seed, 1))
     offsets = _Offsets(noise or NoiseConfig(), env.num_envs, noise_rng)
     steps: list[dict[str, NDArray[Any]]] = []
-    asked = nullcontext if learner is None else driver.control.advising
+    asked = nullcontext if learner is None else driver.advising
     while not extent.reached:
         with asked():
             label = driver.actions()

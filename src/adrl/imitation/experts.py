@@ -6,6 +6,7 @@ expert does wrong follows from its seed, for all robots at once.
 
 import inspect
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, ClassVar, Protocol, runtime_checkable
 from zlib import crc32
@@ -18,7 +19,7 @@ from adrl.imitation.bursts import Bursts
 from adrl.imitation.episode_starts import EpisodeStarts
 from adrl.imitation.narrow_shy import ShyPaths
 from adrl.observation import in_robot_frame, to_action, to_twist
-from adrl.planning.local_control import LocalControl, mppi_config
+from adrl.planning.local_control import mppi_config
 from adrl.ranges import Range, check_ranges
 from adrl.registry import look_up
 from adrl.types import ACTION_SIZE, RobotConfig
@@ -38,14 +39,13 @@ class Driver:
         self.given_up = np.zeros(env.num_envs, dtype=bool)
         """(N,) rows that it drives no further, by what actions() saw last."""
 
-    @property
-    def control(self) -> LocalControl:
-        """The controllers that its actions are made of."""
-        return self.env.sim.expert
-
     def actions(self) -> F32:
         """(N, 2) what the expert does in the environment's current states. Asked once a step."""
         return self.env.expert_actions()
+
+    def advising(self) -> AbstractContextManager[None]:
+        """While this lasts somebody else drives, and asks what the expert would do: see LocalControl.advising."""
+        return self.env.sim.expert.advising()
 
     def within_reach(self, actions: F32) -> F32:
         """(N, 2) any actions, as this expert would carry them out: noise pushes it no further than it goes."""
@@ -159,9 +159,8 @@ class _ShyDriver(Driver):
         super().__init__(env)
         self._paths = ShyPaths(env, width_m)
 
-    @property
-    def control(self) -> LocalControl:
-        return self._paths.control
+    def advising(self) -> AbstractContextManager[None]:
+        return self._paths.control.advising()
 
     def actions(self) -> F32:
         commands = self._paths.commands()
@@ -242,9 +241,8 @@ class _CautiousDriver(Driver):
         self._control = env.sim.local_control(config)
         self._starts = EpisodeStarts(env)
 
-    @property
-    def control(self) -> LocalControl:
-        return self._control
+    def advising(self) -> AbstractContextManager[None]:
+        return self._control.advising()
 
     def actions(self) -> F32:
         self._control.restart(self._starts.rows())

@@ -96,13 +96,13 @@ class LocalControl:
 
     @contextmanager
     def advising(self) -> Iterator[None]:
-        """Somebody else drives, and asks what these controllers would do: robots that stand are not led out of where
-        they are stuck, as their drivers may just not heed what they are told."""
-        self.native.recovers = False
+        """While this lasts somebody else drives, and asks what these controllers would do: robots that stand are not
+        led out of where they are stuck, as their drivers may just not do what they are told."""
+        recovers, self.native.recovers = self.native.recovers, False
         try:
             yield
         finally:
-            self.native.recovers = True
+            self.native.recovers = recovers
 
     def restart(self, indices: NDArray[np.intp]) -> None:
         """Forget what is remembered of robots `indices` (M,)."""

@@ -37,6 +37,8 @@ CLONING_UPDATES = 5_000
 """Of the clone in each round."""
 LAST_UPDATES = 20_000
 """After the last one."""
+LABELS = "2: without the planner's recovery"
+"""What labels mean; rounds with others are not gone on with. Grows when experts answer otherwise without an option."""
 CALM = NoiseConfig(fraction=0.3, std=0.2)
 """How a clone is pushed off its course: less than an expert, as it makes mistakes of its own."""
 TASKS_APART = 1_000_003
@@ -116,14 +118,14 @@ def _demonstrate(run: Run, env: NavVectorEnv, tell: Callable[[str], None]) -> Ou
         keep(0, shown, None)
     size, widths = shown.observation.shape[1], learner.td3.widths
     mirror = env.sim.encoder.mirror if learner.mirror else None
-    clone = Clone(learner.td3, size, mirror, np.random.default_rng((learner.seed, 2)))
+    clone = Clone(widths, size, mirror, np.random.default_rng((learner.seed, 2)))
     if len(known) > 1:
         clone.set_state(known[-1].clone)
     first, known = max(len(known), 1), []
     config, arrived = replace(run.about_policy(), input_size=size, widths=widths), ""
     for number in range(first, rounds + 1):
         tell(f"demonstrations, round {number} of {rounds}{arrived}")
-        clone.fit(shown, CLONING_UPDATES, _stream(learner.seed, number))
+        clone.fit(shown, CLONING_UPDATES, _rng_of_round(learner.seed, number))
         seed, driver = learner.seed + number * TASKS_APART, clone.policy(config).act
         driven = collect(env, steps, expert=run.expert, noise=CALM, seed=seed, learner=driver)
         keep(number, driven, clone)
@@ -133,7 +135,7 @@ def _demonstrate(run: Run, env: NavVectorEnv, tell: Callable[[str], None]) -> Ou
         )
         shown = shown.followed_by(driven)
     tell(f"demonstrations, last clone{arrived}")
-    clone.fit(shown, LAST_UPDATES, _stream(learner.seed, rounds + 1), last=True)
+    clone.fit(shown, LAST_UPDATES, _rng_of_round(learner.seed, rounds + 1), last=True)
     return Outcome(shown, clone.policy(config), seconds_before)
 
 
@@ -141,6 +143,7 @@ def _about(run: Run, planner: str, steps: int) -> dict[str, Any]:
     """What rounds have to have in common, as JSON has it. More rounds of as many steps may follow later."""
     policy, td3 = run.about_policy(), run.learner.td3
     about = {
+        "labels": LABELS,
         "robot": policy.robot,
         "family": policy.family,
         "encoder": policy.encoder,
@@ -157,7 +160,7 @@ def _about(run: Run, planner: str, steps: int) -> dict[str, Any]:
     return json.loads(json.dumps(about, default=str))
 
 
-def _stream(seed: int, number: int) -> np.random.Generator:
+def _rng_of_round(seed: int, number: int) -> np.random.Generator:
     """Of a round's own, so that a clone is fitted to the same bytes after a stop."""
     return np.random.default_rng((seed, 2, number))
 

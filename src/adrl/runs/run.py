@@ -81,7 +81,7 @@ class Run:
 
     @property
     def stop_within_m(self) -> float:
-        """Metres within which a robot stops from all that the policy asks for; infinite where it may be any."""
+        """See RobotConfig.slowed: the policy asks for no greater speed; infinite for any."""
         given = self.config.stop_within_m
         return math.inf if given is None else given
 

@@ -25,7 +25,9 @@ SLIP_M, SLIP_RAD = 0.1, 0.2
 STANDS_MPS = 0.01
 """A robot that is slower stands."""
 TURNS_WITHIN_M = 1.0
-"""Radius of the turn that a robot's indoor speed, which time limits go by, leaves it."""
+"""Time limits go by no greater speed than one at which a robot turns on such a radius."""
+LEAST_MPS = 0.01
+"""No robot has a smaller greatest speed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +91,7 @@ class RobotConfig(HasNative):
 
     They may be given either way round; they are kept counter-clockwise, without those on a straight edge.
     """
-    max_speed_mps: Annotated[float, Range(0.01, 50.0)] = 0.6
+    max_speed_mps: Annotated[float, Range(LEAST_MPS, 50.0)] = 0.6
     """Greatest forward speed; 0.01 to 50."""
     min_speed_mps: Annotated[float, Range(-50.0, 0.0)] = 0.0
     """Most negative forward speed, -50 to 0: 0 drives forward only, below 0 both ways."""
@@ -203,27 +205,30 @@ class RobotConfig(HasNative):
         return speed * self.latency_s + braking_m + tail * self.lag_s
 
     @property
-    def indoor_speed_mps(self) -> float:
-        """Greatest forward speed, or that at which it turns within a metre: faster it drives along no wall."""
+    def turn_limited_speed_mps(self) -> float:
+        """Greatest forward speed, or that at which it turns within a metre: faster it follows no wall."""
         return min(self.max_speed_mps, TURNS_WITHIN_M * self.max_yaw_rate_radps)
 
     def slowed(self, stop_within_m: float) -> Self:
-        """The same robot, told no more than the speeds from which it stops within so many metres, and at which it
-        turns within twice as many; itself where it does at its own."""
-        speed = 2.0 * stop_within_m * self.max_yaw_rate_radps
-        if self.stop_distance_m > stop_within_m:
-            speed = min(speed, self._speed_before(stop_within_m))
-        if speed >= self.max_speed_mps:
+        """The same robot, told no more than the speeds from which it stops within so many metres, and at which its yaw
+        rate turns it within twice as many; itself where it does at its own."""
+        turning = 2.0 * stop_within_m * self.max_yaw_rate_radps
+        speed = max(min(turning, self._speed_to_stop_within(stop_within_m)), LEAST_MPS)
+        if speed >= self.fastest_mps:
             return self
-        return replace(self, max_speed_mps=speed, min_speed_mps=max(self.min_speed_mps, -speed))
+        return replace(
+            self,
+            max_speed_mps=min(self.max_speed_mps, speed),
+            min_speed_mps=max(self.min_speed_mps, -speed),
+        )
 
-    def _speed_before(self, stop_within_m: float) -> float:
-        """The speed from which it stops within so many metres: stop_distance_m, solved for it."""
+    def _speed_to_stop_within(self, way_m: float) -> float:
+        """stop_distance_m, solved for the speed."""
         lag, latency, brake = self.lag_s, self.latency_s, self.max_acceleration_mps2
-        speed = stop_within_m / (latency + lag) if latency + lag > 0.0 else math.inf
+        speed = way_m / (latency + lag) if latency + lag > 0.0 else math.inf
         if speed > brake * lag:  # it does not stop by the lag alone: v^2 / 2 b + v latency + b lag^2 / 2
-            way = stop_within_m - 0.5 * brake * lag**2
-            speed = brake * (math.sqrt(latency**2 + 2.0 * way / brake) - latency)
+            braking_m = way_m - 0.5 * brake * lag**2
+            speed = brake * (math.sqrt(latency**2 + 2.0 * braking_m / brake) - latency)
         return speed
 
     @property

@@ -209,8 +209,8 @@ def single_task(
 
 
 def time_limit_s(shortest_m: float, robot: RobotConfig) -> float:
-    """Ten seconds, and 2.5 times what the shortest path takes at the robot's indoor speed."""
-    return 10.0 + 2.5 * shortest_m / robot.indoor_speed_mps
+    """Ten seconds, and 2.5 times what the shortest path takes at full speed, or at one at which the robot can turn."""
+    return 10.0 + 2.5 * shortest_m / robot.turn_limited_speed_mps
 
 
 def _task(world: World, start: tuple[float, float, float], path: Array, robot: RobotConfig) -> Task:
