@@ -257,6 +257,8 @@ def test_time_limits_go_by_a_speed_at_which_the_robot_turns_within_a_metre(robot
 
 
 def test_a_slowed_robot_backs_no_faster_and_is_a_robot_still() -> None:
-    backs = RobotConfig(max_speed_mps=0.5, min_speed_mps=-1.0, max_yaw_rate_radps=1.0, max_acceleration_mps2=5.0)
+    backs = RobotConfig(
+        max_speed_mps=0.5, min_speed_mps=-1.0, max_yaw_rate_radps=1.0, max_acceleration_mps2=5.0
+    )
     assert (backs.slowed(0.3).max_speed_mps, backs.slowed(0.3).min_speed_mps) == (0.5, -0.6)
     assert RobotConfig(max_yaw_rate_radps=0.01).slowed(0.3).max_speed_mps == 0.01

@@ -275,8 +275,8 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
     def expert_actions(self) -> F32:
         """(N, 2) actions of A* and the expert, which know everything, in the current states.
 
-        A robot that has not got on for 4 s is led to where it has room, for 2 s. Where it is not the expert that drives,
-        ask within `with env.sim.expert.advising():`, which leaves that out.
+        A robot that has not got on for 4 s is led to where it has room, for 2 s. Where somebody else drives, ask within
+        `with env.sim.expert.advising():`, which leaves that out.
         """
         self._check_begun()
         return self.sim.expert_actions()
