@@ -247,6 +247,8 @@ def test_a_robot_is_drawn_and_told(
     assert run_cli("robot", name, "--out", tmp_path / "r.svg") == 0
     assert "<svg" in (tmp_path / "r.svg").read_text()
     assert "family any covers it" in out
+    slow = "policy default drives it at 1.2 m/s at most: it stops within 0.3 m then, and turns within 0.6 m"
+    assert (slow in out) == (name == "jackal")
 
 
 def test_a_family_shows_its_ranges_and_some_of_its_robots(

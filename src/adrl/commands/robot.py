@@ -15,6 +15,7 @@ from rich.table import Table
 from adrl import files
 from adrl.commands.options import parse
 from adrl.commands.progress import console
+from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import DEFAULT
 from adrl.descriptions import (
     Finding,
@@ -236,10 +237,18 @@ def _ranges(family: RobotFamily) -> Table:
 
 
 def _covered(robot: RobotConfig, family: RobotFamily) -> list[str]:
-    """What a family says of a robot."""
+    """What a family says of a robot, and how fast the policy that is of this family drives it, if not at full speed."""
     outside = family.outside(robot)
-    return [f"outside of family {family.name}: {line}" for line in outside] or [
-        f"family {family.name} covers it"
+    lines = [f"outside of family {family.name}: {line}" for line in outside]
+    within_m = find_policy(DEFAULT).stop_within_m
+    speed_mps = robot.slowed(within_m).max_speed_mps
+    slow = (
+        f"policy {DEFAULT} drives it at {speed_mps:.2g} m/s at most: it stops within {within_m:g} m then, and turns "
+        f"within {2.0 * within_m:g} m"
+    )
+    return [
+        *(lines or [f"family {family.name} covers it"]),
+        *([slow] if speed_mps < robot.max_speed_mps else []),
     ]
 
 
