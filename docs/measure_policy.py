@@ -1,7 +1,7 @@
 """Measures a shipped policy for its card: a file a row, in docs/results/policies/NAME.
 
     python docs/measure_policy.py default
-    python docs/measure_policy.py default --robots 100 --episodes 200     smaller, with wider intervals
+    python docs/measure_policy.py default --elsewhere 30 --episodes 200     smaller, with wider intervals
 
 Each row is what `adrl evaluate` prints, with its command. Rows that were measured with the policy's present weights
 stay; the others are driven. Then: make tables.
@@ -36,7 +36,9 @@ class Options:
     policy: Annotated[str, tyro.conf.Positional]
     """A shipped policy's name."""
     robots: int = 1000
-    """Robots of its family on complex with the map, with 20 tasks each; a tenth of them elsewhere."""
+    """Robots of its family on complex with the map, with 20 tasks each."""
+    elsewhere: int = 100
+    """The same in other places and with other guidance."""
     episodes: int = 500
     """Tasks of one robot."""
 
@@ -57,21 +59,21 @@ def rows(policy: ResolvedPolicy, options: Options) -> list[list[str]]:
         ]
     placed = (
         ("complex", "map", options.robots),
-        ("complex", "replan", options.robots // 10),
-        ("clutter", "map", options.robots // 10),
-        ("clutter", "replan", options.robots // 10),
-        ("clutter", "goal", options.robots // 10),
-        ("rooms", "map", options.robots // 10),
-        ("dynamic", "map", options.robots // 10),
+        ("complex", "replan", options.elsewhere),
+        ("clutter", "map", options.elsewhere),
+        ("clutter", "replan", options.elsewhere),
+        ("clutter", "goal", options.elsewhere),
+        ("rooms", "map", options.elsewhere),
+        ("dynamic", "map", options.elsewhere),
     )
     several = ["--episodes", "20", "--robots"]
-    family, tenth = ["--robot", policy.family.name, *several], str(options.robots // 10)
+    family = ["--robot", policy.family.name, *several]
     return [
         *(
             ["--scenario", place, "--guidance", guidance, *family, str(many)]
             for place, guidance, many in placed
         ),
-        ["--scenario", "complex", "--guidance", "map", "--robot", CARS, *several, tenth],
+        ["--scenario", "complex", "--guidance", "map", "--robot", CARS, *several, str(options.elsewhere)],
         *(["--scenario", "complex", "--robot", name, "--guidance", "map", *drives] for name in NAMED),
         ["--scenario", "dynamic", "--robot", "diffbot", "--guidance", "map", *drives],
         *(

@@ -40,7 +40,7 @@ class LocalControl {
     LocalControl(int num_robots, int num_threads, std::vector<ControlSetup> setups, const std::int64_t *kind,
                  double *memory);
 
-    // Whether robots that do not get on are led out by recover(). Off where somebody else drives them, who may just stand.
+    // Whether robots that do not get on are led out by recover(). Off where somebody else drives, who may just stand.
     bool recovers = true;
 
     int num_robots() const { return num_robots_; }

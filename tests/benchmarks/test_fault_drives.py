@@ -77,12 +77,10 @@ def test_faults_of_the_base_change_what_they_name_and_nothing_else():
 def test_what_is_wrong_is_named_before_anything_is_hit(fault: str):
     (drive,) = fault_drives([fault], robots=["diffbot"], scenarios=["rooms"])
     assert NAMED[fault] in drive.reasons
-    # Under noise a frozen scan is told late, where the robot may be in a corner already: one of six drives stands there.
-    may_stand = fault == "scan frozen, new stamps and noise"
-    assert drive.outcome in {
-        "arrived" if FAULTS[fault].drivable else "timeout",
-        *(["timeout"] if may_stand else []),
-    }
+    arrives = FAULTS[fault].drivable
+    # Under noise a frozen scan is told late, maybe where there is no way on: one of six in docs/results/faults.md.
+    may_stand = not arrives or fault == "scan frozen, new stamps and noise"
+    assert drive.outcome in ({"arrived"} if arrives else set()) | ({"timeout"} if may_stand else set())
 
 
 @pytest.mark.integration

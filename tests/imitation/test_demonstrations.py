@@ -214,7 +214,7 @@ def test_a_learner_that_stands_is_told_what_the_expert_would_do_there_and_not_ho
 ) -> None:
     """In one place a planner says one thing, MPPI about one; its own recovery says others for 2 of 6 s."""
     env = NavVectorEnv(8, scenario="clutter", task_pool=8, randomize=False)
-    stand = np.tile(np.float32([-1.0, 0.0]), (8, 1))
+    stand = np.tile(np.array([-1.0, 0.0], np.float32), (8, 1))
     data = collect(env, 8 * 120, expert=expert, noise=NoiseConfig(fraction=0.0), learner=lambda _: stand)
     labels = data.expert_action.reshape(8, 120, 2)
     assert np.ptp(labels[:, 60:], axis=1).max() < (0.5 if expert == "cautious" else 1e-6)
@@ -253,12 +253,12 @@ def test_an_expert_of_ones_own_answers_a_learner_too() -> None:
             self.control = "mine"
 
         def actions(self) -> np.ndarray:
-            return np.tile(np.float32([1.0, 0.0]), (self.env.num_envs, 1))
+            return np.tile(np.array([1.0, 0.0], np.float32), (self.env.num_envs, 1))
 
     class Hasty:
         def driver(self, env: NavVectorEnv, seed: int) -> Driver:
             return Ahead(env)
 
-    stand = np.tile(np.float32([-1.0, 0.0]), (2, 1))
+    stand = np.tile(np.array([-1.0, 0.0], np.float32), (2, 1))
     data = collect(NavVectorEnv(2, task_pool=2), 20, expert=Hasty(), learner=lambda _: stand)
     assert (data.expert_action == [1.0, 0.0]).all()
