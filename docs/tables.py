@@ -14,12 +14,16 @@ import argparse
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from adrl import files
+from adrl.comparison.results import Row, markdown
 from adrl.deploy.policy import load_policy, resolve_policy
+from adrl.evaluation.metrics import COMMON
+from adrl.evaluation.statistics import bootstrap_mean, entry
 from adrl.report.markdown import cell, table
 from adrl.reproduction.reported import label
 from adrl.runs.card import card
@@ -31,14 +35,45 @@ BLOCK = re.compile(r"(<!-- table: (?P<form>\S+) (?P<file>\S+) -->\n).*?(<!-- end
 
 def compare_rows(path: Path) -> list[str]:
     """The rows of the results.json of adrl compare: intervals over seeds, of a planner over tasks."""
-    headings = (
-        *("method", "guidance", "seeds", "success, %", "worst seed, %", "hit, %"),
-        *("Av.T, s", "path / shortest"),
-    )
+    return _compared("method", _json(path)["rows"])
+
+
+def compare_all(path: Path) -> list[str]:
+    """The same with every column, as adrl compare itself writes it."""
     content = _json(path)
+    rows = [dict.fromkeys(COMMON) | row for row in content["rows"]]  # files of before have no common tasks
+    return [*markdown(rows, "", content["missing"]).strip().splitlines(), ""]
+
+
+def runs(path: Path) -> list[str]:
+    """Evaluations of single trainings, a list: a row for each method, or map, and guidance, intervals over seeds."""
+    evaluated = _json(path)
+    name = "method" if "method" in evaluated[0] else "map"
+
+    def kind(run: Row) -> tuple[str, str]:
+        return run[name], run["guidance"]
+
+    rows = [_over_seeds(name, list(group)) for _, group in groupby(sorted(evaluated, key=kind), kind)]
+    return _compared(name, rows)
+
+
+def _over_seeds(name: str, evaluated: Sequence[Row]) -> Row:
+    """Means over the seeds of one method or map; of seeds that never arrived without their time and path."""
+    row = {name: evaluated[0][name], "guidance": evaluated[0]["guidance"], "seeds": len(evaluated)}
+    for metric in {"success", "collision", "time_s", "optimality", "S"} & evaluated[0].keys():
+        row |= entry(metric, bootstrap_mean([run[metric] for run in evaluated if run[metric] is not None]))
+    return row | {"success_worst": min(run["success"] for run in evaluated)}
+
+
+def _compared(name: str, compared: Sequence[Row]) -> list[str]:
+    """Rows as adrl compare has them; name: what differs between them."""
+    headings = (
+        *(name, "guidance", "seeds", "success, %", "worst seed, %", "hit, %"),
+        *("Av.T, s", "path / shortest", *(["S at the end"] if "S" in compared[0] else [])),
+    )
     rows = [
         [
-            label(row["method"]),
+            label(row[name]),
             f"`{row['guidance']}`",
             "-" if row["seeds"] is None else str(row["seeds"]),
             cell(row, "success", 1, 100.0),
@@ -46,8 +81,9 @@ def compare_rows(path: Path) -> list[str]:
             cell(row, "collision", 1, 100.0),
             cell(row, "time_s", 1),
             cell(row, "optimality", 2),
+            *([cell(row, "S", 2)] if "S" in row else []),
         ]
-        for row in content["rows"]
+        for row in compared
     ]
     return table(headings, rows)
 
@@ -81,8 +117,10 @@ def _json(path: Path) -> Any:
 
 FORMS: dict[str, Callable[[Path], list[str]]] = {
     "compare": compare_rows,
+    "compare-all": compare_all,
     "policy": policy_card,
     "regret": regret_rows,
+    "runs": runs,
 }
 """How a file, or a folder of them, becomes a table."""
 

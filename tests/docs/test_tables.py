@@ -1,8 +1,10 @@
 """docs/tables.py: what stands in a page is what stands in its file."""
 
 import importlib.util
+import json
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -31,6 +33,40 @@ def test_a_table_is_that_of_its_file_and_the_rest_of_the_page_stays(tables: Modu
 def test_a_number_that_is_not_in_its_file_is_found(tables: ModuleType) -> None:
     page = tables.rewritten(BLOCK)
     assert tables.rewritten(page.replace("99.6", "99.9")) == page
+
+
+def test_all_columns_are_told_of_a_file_of_before_too(tables: ModuleType) -> None:
+    lines = tables.compare_all(tables.RESULTS / "compare" / "clutter.json")
+    assert "| td3 | goal, n=10 | 98.5 [98.2-98.8] | 98.6 | 97.6 | 0.5 | 1.0 |" in "\n".join(lines)
+    assert lines[0].count("|") == lines[2].count("|")
+
+
+def test_runs_become_a_row_a_method_and_guidance_with_means_over_seeds(
+    tables: ModuleType, tmp_path: Path
+) -> None:
+    def run(seed: int, method: str, success: float, time_s: float | None) -> dict[str, Any]:
+        metrics = {"success": success, "collision": 0.0, "time_s": time_s, "optimality": time_s}
+        return {"seed": seed, "method": method, "guidance": "map", "S": 0.5, **metrics}
+
+    path = tmp_path / "runs.json"
+    path.write_text(json.dumps([run(0, "td3", 0.8, 10.0), run(0, "bc", 0.0, None), run(1, "td3", 1.0, 12.0)]))
+    headings, _, *rows = (line.split(" | ") for line in tables.runs(path) if line)
+    assert headings[0] == "| method"
+    assert headings[-1] == "S at the end |"
+    bc, td3 = rows
+    assert bc[:5] == ["| bc", "`map`", "1", "0.0", "0.0"]
+    assert bc[6:8] == ["-", "-"]  # who never arrives has neither time nor path
+    assert td3[:5] == ["| Baseline (TD3)", "`map`", "2", "90.0 [80.0, 100.0]", "80.0"]
+    assert td3[6] == "11.0 [10.0, 12.0]"
+
+
+def test_runs_without_a_method_are_told_by_their_map(tables: ModuleType) -> None:
+    headings, _, *rows = (
+        line for line in tables.runs(tables.RESULTS / "compare" / "complex-on-maps.json") if line
+    )
+    assert headings.startswith("| map | guidance | seeds | success, % |")
+    assert "S at the end" not in headings
+    assert [row.split(" | ")[0] for row in rows] == ["| depot", "| tb3", "| willow"]
 
 
 def test_an_unknown_form_and_an_absent_file_are_told(tables: ModuleType) -> None:
