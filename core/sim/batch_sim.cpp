@@ -266,6 +266,10 @@ void BatchSim::guide(int i) {
     const Vec2 waypoint = kind.rules.lookahead > 0.0 ? guided.waypoint : task.goal;
     b_.waypoint[2 * i] = waypoint.x;
     b_.waypoint[2 * i + 1] = waypoint.y;
+    if (b_.path_ahead == nullptr) return;
+    // Led to the goal alone a robot knows of no path: all points are the goal.
+    const double from = kind.rules.lookahead > 0.0 ? along : task.path.length();
+    path_ahead(task.path, from, b_.path_ahead + static_cast<std::ptrdiff_t>(i) * 2 * kPathPoints.size());
 }
 
 GuideRules guide_rules(const Robot &robot, const SimConfig &config) {

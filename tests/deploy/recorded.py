@@ -15,10 +15,10 @@ from adrl.types import RobotConfig, Task
 from adrl.worlds import FAMILIES
 
 
-def a_policy(robot: RobotConfig, *, history_steps: int = 0, num_tracks: int = 0) -> MlpPolicy:
-    """The shipped policy of the diffbot for any robot; with motion cues or tracks it heeds them too, at random."""
+def a_policy(robot: RobotConfig, *, history_steps: int = 0, num_tracks: int = 0, path: bool = False) -> MlpPolicy:
+    """The shipped policy of the diffbot for any robot; with motion cues, tracks or a path it heeds them too, at random."""
     shipped = load_policy(resolve_policy("diffbot"))
-    encoder = EncoderConfig(history_steps=history_steps, num_tracks=num_tracks)
+    encoder = EncoderConfig(history_steps=history_steps, num_tracks=num_tracks, path=path)
     layers = list(shipped.layers)
     more = ObservationEncoder(robot, encoder).size - len(layers[0][0])
     if more > 0:
@@ -34,9 +34,9 @@ def a_policy(robot: RobotConfig, *, history_steps: int = 0, num_tracks: int = 0)
     return MlpPolicy(layers, config)
 
 
-def a_policy_of_a_family(*, history_steps: int = 0) -> MlpPolicy:
+def a_policy_of_a_family(*, history_steps: int = 0, path: bool = False) -> MlpPolicy:
     """For any robot of family any, at random."""
-    encoder = EncoderConfig(history_steps=history_steps, body=True, reach_m=10.0)
+    encoder = EncoderConfig(history_steps=history_steps, path=path, body=True, reach_m=10.0)
     rng, size = np.random.default_rng(0), ObservationEncoder(RobotConfig(), encoder).size
     layers = [
         (

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from adrl.deploy.messages import Pose
 from adrl.errors import ConfigError, PlanningError
+from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.planning.path_guide import MapGuide
 from adrl.planning.replanner import Replanner
 from adrl.types import Array, RobotConfig, World
@@ -46,6 +47,8 @@ class Heading:
     """Where the goal is taken to be: noise may have moved it into a wall."""
     plan: Array
     """(P, 2) the way that is meant, from the robot on."""
+    path: Array
+    """(Q, 2) points of it, adrl.observation.path_ahead.PATH_POINTS_M ahead: what a policy may be told of it."""
 
 
 class Guide:
@@ -80,7 +83,13 @@ class Guide:
     def head_for(self, view: View, goal: Point) -> Heading:
         """The next waypoint. Raises PlanningError where a map shows no way."""
         distance_m = math.dist(goal, view.place[:2])
-        return Heading(waypoint=goal, distance_m=distance_m, goal=goal, plan=np.array([view.place[:2], goal]))
+        return Heading(
+            waypoint=goal,
+            distance_m=distance_m,
+            goal=goal,
+            plan=np.array([view.place[:2], goal]),
+            path=np.tile(goal, (len(PATH_POINTS_M), 1)),
+        )
 
     def as_shown(self, towards: Array) -> Array:
         """(1, 2) a waypoint in the robot's frame -> the same as the policy is shown it."""
@@ -132,6 +141,7 @@ class OwnMapGuide(Guide):
             distance_m=math.dist(goal, here),
             goal=goal,
             plan=np.array([here, goal] if (x, y) == goal else [here, (x, y), goal]),
+            path=self.replanner.path_ahead[0],
         )
 
     def as_shown(self, towards: Array) -> Array:
@@ -166,7 +176,9 @@ class KnownMapGuide(Guide):
         self._is_new, self._last = False, (view.place, view.now_s)
         waypoint, left_m = self._map.waypoint(view.place)
         plan = np.concatenate([[view.place[:2]], self._map.remaining(left_m)])
-        return Heading(waypoint=waypoint, distance_m=left_m, goal=goal, plan=plan)
+        return Heading(
+            waypoint=waypoint, distance_m=left_m, goal=goal, plan=plan, path=self._map.path_ahead
+        )
 
     def _route(self, view: View, goal: Point) -> Point:
         """Have a path to the goal; where it is. Raises PlanningError."""

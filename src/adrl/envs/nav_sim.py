@@ -18,6 +18,7 @@ from adrl.envs.steps import Outcome, Steps
 from adrl.errors import ConfigError
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.observation.motion import ScanHistory
+from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.planning.local_control import CONTROLLERS, DWA, LocalControl
 from adrl.planning.path_guide import sim_config
 from adrl.planning.replanner import Replanner
@@ -87,6 +88,8 @@ class NavSim:
         self._randomization = randomization
         num_beams = max(kind.robot.lidar.num_beams for kind in self.kinds)
         self.b = _buffers(num_envs, num_beams)
+        if self.encoder.needs_path:
+            self.b["path_ahead"] = np.zeros((num_envs, len(PATH_POINTS_M), 2))
         self._table = KindRows.of(self.kinds, plans_itself=plans_itself)
         self.rows = self._table[self.b["kind"]]
         """What each row is at present."""
@@ -105,6 +108,7 @@ class NavSim:
                 maturity=maturity,
                 num_threads=self.native.num_threads,
                 kind=self.b["kind"],
+                tells_path=self.encoder.needs_path,
             )
         self.tasks: list[Task | None] = [None] * num_envs
         self._time_limit_s = np.full(num_envs, np.inf)
@@ -206,8 +210,9 @@ class NavSim:
         """(N, D) observations, a new array; of the robots `rows` (M,) alone, (M, D)."""
         return self.encoder.encode(*self.measured(rows), kind=self.b["kind"][rows])
 
-    def measured(self, rows: Rows = ALL) -> tuple[F32, Array, Array, F32, ScanHistory | None]:
-        """What an encoder takes: ranges, goal in the robot's frame, twist, last action, and the scans' history."""
+    def measured(self, rows: Rows = ALL) -> tuple[Any, ...]:
+        """What an encoder takes: ranges, goal in the robot's frame, twist, last action, the scans' history, and for one
+        that needs it the path."""
         b = self.b
         # A known map comes with localisation; mapless robots only have their odometry.
         pose = chosen(self._on_map, self.rows.on_map[rows], b["pose"][rows], b["odometry"][rows])
@@ -217,7 +222,10 @@ class NavSim:
         history = self._history
         if history is not None and not isinstance(rows, slice):
             history = history.of(rows)
-        return self._ranges(rows), goal, b["twist"][rows], self._last_action[rows], history
+        measured = self._ranges(rows), goal, b["twist"][rows], self._last_action[rows], history
+        if not self.encoder.needs_path:
+            return measured
+        return *measured, in_robot_frame(pose[:, None], b["path_ahead"][rows])
 
     def step(self, actions: F32) -> Outcome:
         """Execute (N, 2) normalised actions for one control period on every active robot."""
@@ -346,6 +354,8 @@ class NavSim:
         led = self.rows.led
         waypoints = self.replanner.update(self._ranges(), self.b["odometry"], active & led)
         self.b["waypoint"][led] = waypoints[led]
+        if self.encoder.needs_path:
+            self.b["path_ahead"][led] = self.replanner.path_ahead[led]
 
     def _ranges(self, rows: Rows = ALL) -> F32:
         """(N, K) metres, by a LiDAR of the reach that the policy knows; beyond the robot's own all is free."""
