@@ -152,6 +152,12 @@ void set_task(BoundSim &self, int i, std::shared_ptr<Task> task) {
     self.sim.set_task(i, std::move(task));
 }
 
+void set_path(BoundSim &self, int i, std::shared_ptr<Task> task) {
+    if (i < 0 || i >= self.sim.num_envs()) throw nb::index_error("no such robot");
+    self.require_kinds_known();
+    self.sim.set_path(i, std::move(task));
+}
+
 void reset(BoundSim &self, const Flat8 &mask) {
     if (mask.shape(0) != static_cast<std::size_t>(self.sim.num_envs())) throw nb::value_error("mask");
     self.require_kinds_known();
@@ -210,6 +216,7 @@ void bind_batch_sim(nb::module_ &m) {
         .def(nb::new_(&make_sim), nb::arg("num_envs"), nb::arg("num_threads"), nb::arg("kinds"), nb::arg("buffers"))
         .def_prop_ro("num_threads", [](const BoundSim &self) { return self.sim.num_threads(); })
         .def("set_task", &set_task, nb::arg("index"), nb::arg("task"))
+        .def("set_path", &set_path, nb::arg("index"), nb::arg("task"))
         .def("reset", &reset, nb::arg("mask").noconvert())
         .def("step", &step)
         .def("follow", &follow, nb::arg("before").noconvert())

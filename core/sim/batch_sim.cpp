@@ -255,6 +255,12 @@ void BatchSim::sense(int i) {
     std::fill(out + robot.beams.count(), out + b_.num_columns, static_cast<float>(robot.max_range));
 }
 
+void BatchSim::set_path(int i, std::shared_ptr<const Task> task) {
+    set_task(i, std::move(task));
+    b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory] = 0.0;
+    guide(i);
+}
+
 void BatchSim::guide(int i) {
     const Task &task = *tasks_[i];
     const SimKind &kind = kind_of(i);

@@ -307,6 +307,8 @@ class BatchSim:
     @property
     def num_threads(self) -> int: ...
     def set_task(self, index: int, task: Task) -> None: ...
+    def set_path(self, index: int, task: Task) -> None:
+        """Another path in a task of the same place and goal; the robot is led along it from its begin, at once."""
     def reset(self, mask: U8) -> None:
         """Put the robots of the mask (N) at their tasks' starts, at rest, and sense."""
     def step(self) -> None:

@@ -1,5 +1,6 @@
 """Where a robot on its way heads for, by each guidance: the goal itself, or a point on a way that it plans to there."""
 
+import contextlib
 import math
 from dataclasses import dataclass
 
@@ -11,6 +12,7 @@ from adrl.errors import ConfigError, PlanningError
 from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.planning.path_guide import MapGuide
 from adrl.planning.replanner import Replanner
+from adrl.planning.standstill import Standstill
 from adrl.types import Array, RobotConfig, World
 
 F32 = NDArray[np.float32]
@@ -160,6 +162,7 @@ class KnownMapGuide(Guide):
         self._given: Array | None = None
         self._is_new = False
         self._last: tuple[Pose, float] | None = None
+        self._standstill = Standstill(1)
 
     @property
     def follows_given_path(self) -> bool:
@@ -172,9 +175,17 @@ class KnownMapGuide(Guide):
 
     def head_for(self, view: View, goal: Point) -> Heading:
         """See Guide."""
+        before = self._map.path
         goal = self._route(view, goal)
         self._is_new, self._last = False, (view.place, view.now_s)
         waypoint, left_m = self._map.waypoint(view.place)
+        stands = self._map.path is before and self._stands(view, left_m)
+        if stands:
+            with contextlib.suppress(PlanningError):  # it goes on with the path it has
+                self._map.set_goal(view.place, goal)
+            waypoint, left_m = self._map.waypoint(view.place)
+        if stands or self._map.path is not before:
+            self._standstill.begin(ONE, left_m, view.now_s)
         plan = np.concatenate([[view.place[:2]], self._map.remaining(left_m)])
         return Heading(
             waypoint=waypoint, distance_m=left_m, goal=goal, plan=plan, path=self._map.path_ahead
@@ -199,6 +210,12 @@ class KnownMapGuide(Guide):
                 raise
             return x, y  # noise has moved it into a wall
         return goal
+
+    def _stands(self, view: View, left_m: float) -> bool:
+        """Whether the robot is a car that has not got on for a while on a path of its own: as in NavSim."""
+        if self._given is not None or not self._robot.is_car:
+            return False
+        return bool(self._standstill.lasts(np.array([left_m]), np.array([view.now_s]))[0])
 
     def _relocalised(self, view: View) -> bool:
         """Whether localisation has found the robot elsewhere than it can have driven to."""

@@ -15,14 +15,16 @@ from adrl import _core
 from adrl.envs.kinds import Kind, KindRows, agreed, chosen
 from adrl.envs.randomization import NOMINAL, Randomization, draw_params
 from adrl.envs.steps import Outcome, Steps
-from adrl.errors import ConfigError
+from adrl.errors import ConfigError, PlanningError
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.observation.motion import ScanHistory
 from adrl.observation.path_ahead import PATH_POINTS_M
+from adrl.planning.global_planner import plan
 from adrl.planning.local_control import CONTROLLERS, DWA, LocalControl
 from adrl.planning.path_guide import sim_config
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
+from adrl.planning.standstill import Standstill
 from adrl.registry import look_up
 from adrl.rewards import RewardConfig
 from adrl.rewards.step import reference_period_s
@@ -113,6 +115,10 @@ class NavSim:
         self.tasks: list[Task | None] = [None] * num_envs
         self._time_limit_s = np.full(num_envs, np.inf)
         self._last_action = np.zeros((num_envs, 2), dtype=np.float32)
+        self._has_cars_on_map = bool((self._table.car & self._table.on_map).any())
+        self._standstill = Standstill(num_envs)
+        self._path_from = np.full((num_envs, 3), np.nan)
+        """(N, 3) poses from which cars have got another path than their task's; NaN where they have that."""
         self._steps = Steps(self, self._table, self.reward)
         steps = self.encoder.history_steps
         self._history = ScanHistory(num_envs, num_beams, steps) if steps > 0 else None
@@ -187,6 +193,8 @@ class NavSim:
             goals = np.array([task.goal for task in tasks]).reshape(-1, 2)
             self.replanner.reset(indices, goals, self.b["odometry"][indices])
             self._replan(mask.astype(bool))
+        self._standstill.begin(indices, self.b["route_left"][indices], 0.0)
+        self._path_from[indices] = np.nan
         self._steps.begin(indices)
 
     def set_task(self, i: int, task: Task) -> None:
@@ -243,8 +251,36 @@ class NavSim:
         outcome, step = self._steps.outcome(before, self._time_limit_s)
         if self.replanner is not None:
             self._replan(b["active"].astype(bool))
-        self._steps.see(step, waypoints_moved=self.replanner is not None)
+        again = self._cars_that_stand(outcome) if self._has_cars_on_map else ()
+        for i in again:
+            self._plan_again(int(i))
+        self._steps.see(step, waypoints_moved=self.replanner is not None or len(again) > 0)
         return outcome
+
+    def _cars_that_stand(self, outcome: Outcome) -> NDArray[np.intp]:
+        """(M,) rows of cars on a map that have not got on for a while; see Standstill."""
+        b, rows = self.b, self.rows
+        lasts = self._standstill.lasts(b["route_left"], b["time"])
+        over = outcome.reached | outcome.collided | outcome.timed_out
+        return np.flatnonzero(lasts & rows.car & rows.on_map & b["active"].astype(bool) & ~over)
+
+    def _plan_again(self, i: int) -> None:
+        """A path from where car i stands. Where there is none, it goes on with the one it has."""
+        b = self.b
+        try:
+            self._set_path(i, b["pose"][i])
+            self._path_from[i] = b["pose"][i]
+        except PlanningError:
+            pass
+        self._standstill.begin(np.array([i]), b["route_left"][i], b["time"][i])
+
+    def _set_path(self, i: int, pose: Array) -> None:
+        task = self.tasks[i]
+        assert task is not None
+        robot = self.kinds[int(self.b["kind"][i])].robot
+        x, y, yaw = pose.tolist()
+        path = plan(task.world, (x, y, yaw), task.goal, robot)
+        self.native.set_path(i, dataclasses.replace(task, path=path).native)
 
     def people(self, row: int) -> Array:
         """(P, 3) x, y and radius of the people about a robot, now."""
@@ -305,7 +341,9 @@ class NavSim:
             "last_action": self._last_action,
             **self._steps.state(),
             "time_limit_s": self._time_limit_s,
+            "path_from": self._path_from,
         }
+        own |= {f"standstill.{name}": array for name, array in self._standstill.b.items()}
         own |= {f"expert.{name}": array for name, array in self.expert.b.items()}
         if self._history is not None:
             own |= self._history.arrays
@@ -334,10 +372,18 @@ class NavSim:
                 name.removeprefix(prefix): array for name, array in state.items() if name.startswith(prefix)
             }
             self.replanner.set_state(own)
+        self._path_from[:] = state.get("path_from", np.nan)  # states of before know no other path
+        for name, array in self._standstill.b.items():
+            array[:] = state.get(f"standstill.{name}", array)
         for i, task in enumerate(tasks):
             self.tasks[i] = task
-            if task is not None:
-                self.native.set_task(i, task.native)
+            if task is None:
+                continue
+            self.native.set_task(i, task.native)
+            if np.isfinite(self._path_from[i]).all():
+                along = self.b["memory"][i, 0]
+                self._set_path(i, self._path_from[i])
+                self.b["memory"][i, 0] = along
 
     def _only(self, what: str, found: Mapping[Any, None]) -> Any:
         if len(found) > 1:
