@@ -41,7 +41,7 @@ def about_policy(
     """
     config, learner, name = run.config, run.learner, method_name(run.config.chosen_method)
     places = ",".join(scenario.name for scenario in run.scenarios)
-    settings = asdict(replace(config, robot=run.robot.name, guidance=",".join(run.guidances)))
+    settings = asdict(replace(config, robot=run.robot.name, guidance=",".join(config.placed_guidances)))
     settings |= {"demonstration_steps": run.demonstration_steps}
     settings |= {"method": name, "expert": str(run.expert)}
     replans_as_printed = "replan" not in run.guidances or run.replanner == run.replanner.literal()

@@ -102,7 +102,7 @@ class Run:
         given = {
             "scenario": self.scenarios,
             "robot": self.robots("train", task_pool),
-            "guidance": self.guidances,
+            "guidance": self.config.placed_guidances,
             "replanner": self.replanner,
             "task_pool": task_pool,
             "task_priority": 0.0,
@@ -176,7 +176,7 @@ class Run:
         robots: Sequence[RobotConfig | Kind] = self.robots(split, count)
         if isinstance(self.robot, RobotConfig):
             robots = [Kind(robot=self.robot, guidance=g, taken_as=self.taken_as) for g in self.guidances]
-        return Mixture(robots=robots, guidances=self.guidances, scenarios=self.scenarios)
+        return Mixture(robots=robots, guidances=self.config.placed_guidances, scenarios=self.scenarios)
 
 
 SEED_ROBOTS = 1_000_000
@@ -189,6 +189,11 @@ REACH_M = 10.0
 
 def _require_native(config: RunConfig, robot: RobotConfig | RobotFamily) -> None:
     """Raises ConfigError for several robots, places or guidances where one of each is wanted."""
+    if isinstance(robot, RobotConfig) and config.placed_guidances != config.guidances:
+        raise ConfigError(
+            f"guidance {config.guidance}: @PLACE is for families of robots, and {robot.name} is one robot; "
+            "leave out @PLACE"
+        )
     given = {"robot": robot.name, "scenario": config.scenario, "guidance": config.guidance}
     several = {
         "robot": isinstance(robot, RobotFamily),
@@ -222,7 +227,7 @@ def _of_family(config: RunConfig, family: RobotFamily, start: Start | None) -> R
         encoder = replace(encoder, body=True, reach_m=REACH_M if encoder.reach_m is None else encoder.reach_m)
     replanner = config.replanner
     if start is None and replanner.near is None:
-        replanner = replace(replanner, near=config.guidances == ("map",))
+        replanner = replace(replanner, near="map" in config.guidances and "replan" not in config.guidances)
     stop_within_m = STOP_WITHIN_M if config.stop_within_m is None else config.stop_within_m
     return replace(config, encoder=encoder, replanner=replanner, stop_within_m=stop_within_m)
 

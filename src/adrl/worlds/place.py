@@ -18,6 +18,12 @@ from adrl.worlds.people import among_people
 from adrl.worlds.ros_map import Unknown
 
 
+def split_guidance(text: str) -> tuple[str, str]:
+    """NAME or NAME@PLACE -> the guidance's name, and the place it is for; "" for any."""
+    name, _, place = text.partition("@")
+    return name, place
+
+
 @dataclass(frozen=True, kw_only=True)
 class Place:
     """Where to drive: one of scenario, map, world and barn."""
