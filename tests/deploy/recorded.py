@@ -11,7 +11,7 @@ from adrl.envs import NavSim
 from adrl.evaluation.supervised import as_odometry, as_scan
 from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.observation.motion import F32
-from adrl.types import RobotConfig, Task
+from adrl.types import Policy, RobotConfig, Task
 from adrl.worlds import FAMILIES
 
 
@@ -66,7 +66,7 @@ class Moment:
     """(2,) what the policy did in the simulator."""
 
 
-def record(sim: NavSim, policy: MlpPolicy, task: Task, steps: int, seed: int = 0) -> list[Moment]:
+def record(sim: NavSim, policy: Policy, task: Task, steps: int, seed: int = 0) -> list[Moment]:
     """Robot 0 of the simulator on a task, until it ends or for so many steps."""
     sim.reset(np.array([0]), [task], np.array([seed], np.uint64), np.random.default_rng(seed))
     lidar, period_s = sim.robot.lidar, sim.robot.control_period_s
