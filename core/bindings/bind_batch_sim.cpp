@@ -73,7 +73,7 @@ class BoundGuide {
     }
     nb::object ahead() const {
         double *out = nullptr;
-        auto points = new_array<double>({kPathPoints.size(), 2}, out);
+        auto points = new_array<double>({kPathAhead.size(), 2}, out);
         path_ahead(path_, along_, out);
         return nb::cast(points);
     }
@@ -133,7 +133,7 @@ std::unique_ptr<BoundSim> make_sim(int num_envs, int num_threads,
                        f64("clearance", {n}),
                        f64("least_clearance", {n}),
                        f64("waypoint", {n, 2}),
-                       buffers.contains("path_ahead") ? f64("path_ahead", {n, kPathPoints.size(), 2}) : nullptr,
+                       buffers.contains("path_ahead") ? f64("path_ahead", {n, kPathAhead.size(), 2}) : nullptr,
                        f64("route_left", {n}),
                        f64("time", {n}),
                        f64("travelled", {n}),

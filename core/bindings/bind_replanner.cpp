@@ -186,7 +186,7 @@ void drive_routes(BoundReplanner &self, BoundControl &control, const Flat8 &mask
 }
 
 void ahead(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose, Corners corners, Counts counts,
-           Out<double, nb::shape<-1>> along, Out<double, nb::shape<-1, kPathPoints.size(), 2>> out) {
+           Out<double, nb::shape<-1>> along, Out<double, nb::shape<-1, kPathAhead.size(), 2>> out) {
     self.require_rows(mask.shape(0), "mask");
     self.require_points(mask, pose, "pose");
     self.require_rows(along.shape(0), "along");
@@ -298,7 +298,7 @@ void bind_replanner(nb::module_ &m) {
         .def("see", &see, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(), nb::arg("point").noconvert(),
              nb::arg("distance_m"), nb::arg("known"), nb::arg("out").noconvert());
     m.attr("ROUTE_CORNERS") = kRouteCorners;
-    m.attr("PATH_POINTS_M") = nb::cast(std::vector<double>(kPathPoints.begin(), kPathPoints.end()));
+    m.attr("PATH_POINTS_M") = nb::cast(std::vector<double>(kPathAhead.begin(), kPathAhead.end()));
     m.attr("MAX_CLEARANCE_CELLS") = RoutePlanner::kMaxReach;
     m.attr("MAX_DENSITY_WEIGHT") = RoutePlanner::kMaxWeight;
     m.attr("MAX_TURN_COST_M") = RoutePlanner::kMaxTurn;

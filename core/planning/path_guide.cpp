@@ -19,7 +19,7 @@ double come_along(const Path &path, Vec2 p, double along, double window, bool ca
 }
 
 void path_ahead(const Path &path, double along, double *out) {
-    for (const double metres : kPathPoints) {
+    for (const double metres : kPathAhead) {
         const Vec2 point = path.at(along + metres);
         *out++ = point.x;
         *out++ = point.y;

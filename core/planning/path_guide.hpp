@@ -17,7 +17,7 @@ struct GuideRules {
 };
 
 // Points of the path ahead that a policy may be told, metres along it from where the robot is.
-inline constexpr std::array kPathPoints{0.3, 0.6, 1.0, 1.5, 2.2, 3.0};
+inline constexpr std::array kPathAhead{0.3, 0.6, 1.0, 1.5, 2.2, 3.0};
 
 struct Guided {
     double along = 0.0; // arc length of the path's point nearest to the robot
@@ -34,7 +34,7 @@ double led_to(const Path &path, double along, bool car);
 // before. A car that has nearly come to a cusp has come to it.
 double come_along(const Path &path, Vec2 p, double along, double window, bool car);
 
-// Writes the kPathPoints ahead of `along` into out (kPathPoints, 2); those beyond the path's end lie there.
+// Writes the kPathAhead ahead of `along` into out (kPathAhead, 2); those beyond the path's end lie there.
 void path_ahead(const Path &path, double along, double *out);
 
 // A robot at p, which was at arc length `along` before.

@@ -132,7 +132,7 @@ void Replanner::ahead(const std::uint8_t *mask, const double *pose, const RouteC
             Path &route = scratch->route;
             route.assign(routes.of(i));
             along[i] = come_along(route, {at.x, at.y}, along[i], kRouteWindow, kind_of(i).car.has_value());
-            path_ahead(route, along[i], out + static_cast<std::ptrdiff_t>(i) * 2 * kPathPoints.size());
+            path_ahead(route, along[i], out + static_cast<std::ptrdiff_t>(i) * 2 * kPathAhead.size());
         }
     });
 }

@@ -43,7 +43,7 @@ struct ReplannerBuffers {
 };
 
 inline constexpr double kRouteWindow = 3.0; // a robot is looked for so far ahead of where it was on its route, metres
-inline constexpr int kRouteCorners = 64; // of a route, at most; a longer one is cut off
+inline constexpr int kRouteCorners = 64;    // of a route, at most; a longer one is cut off
 
 // Routes pulled taut, from the robots to their ends.
 struct RouteCorners {
@@ -72,7 +72,7 @@ class Replanner {
     void observe(const std::uint8_t *mask, const double *pose, const float *ranges);
     // Plans to goals (N, 2): waypoint, route and found, and the routes themselves where they are wanted.
     void plan(const std::uint8_t *mask, const double *pose, const double *goal, const RouteCorners *routes = nullptr);
-    // Writes into out (N, kPathPoints, 2) points of robots' routes ahead of where they are, poses (N, 3). along (N): how
+    // Writes into out (N, kPathAhead, 2) points of robots' routes ahead of where they are, poses (N, 3). along (N): how
     // far along its route each has come; 0 for a new one.
     void ahead(const std::uint8_t *mask, const double *pose, const RouteCorners &routes, double *along, double *out);
     // out (N): whether the straight line from the robot towards a point (N, 2) is free of what has been seen, for at

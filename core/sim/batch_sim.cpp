@@ -275,7 +275,7 @@ void BatchSim::guide(int i) {
     if (b_.path_ahead == nullptr) return;
     // Led to the goal alone a robot knows of no path: all points are the goal.
     const double from = kind.rules.lookahead > 0.0 ? along : task.path.length();
-    path_ahead(task.path, from, b_.path_ahead + static_cast<std::ptrdiff_t>(i) * 2 * kPathPoints.size());
+    path_ahead(task.path, from, b_.path_ahead + static_cast<std::ptrdiff_t>(i) * 2 * kPathAhead.size());
 }
 
 GuideRules guide_rules(const Robot &robot, const SimConfig &config) {

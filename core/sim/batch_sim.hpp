@@ -72,7 +72,7 @@ struct SimBuffers {
     double *clearance;          // (N) from the footprint's edge, at the end of the step
     double *least_clearance;    // (N) during the step
     double *waypoint;           // (N, 2) point of the path to head for
-    double *path_ahead;         // (N, kPathPoints, 2) points of the path ahead; null where nobody asks
+    double *path_ahead;         // (N, kPathAhead, 2) points of the path ahead; null where nobody asks
     double *route_left;         // (N) metres of path left
     double *time;               // (N) seconds since the start
     double *travelled;          // (N) metres driven

@@ -1,7 +1,7 @@
 // adrl_act POLICY < rows: one line a control step in, the velocity out.
 // A line: ranges; goal x y; speed, yaw rate; last action (2); for a policy that is told the path x y of each of its
-// points; with motion cues also past ranges, pose x y yaw, past pose. A line of another length, or with something that is no number, ends the program with an error; inf and nan are
-// numbers.
+// points; with motion cues also past ranges, pose x y yaw, past pose. A line of another length, or with something that
+// is no number, ends the program with an error; inf and nan are numbers.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>

@@ -15,8 +15,10 @@ from adrl.types import Policy, RobotConfig, Task
 from adrl.worlds import FAMILIES
 
 
-def a_policy(robot: RobotConfig, *, history_steps: int = 0, num_tracks: int = 0, path: bool = False) -> MlpPolicy:
-    """The shipped policy of the diffbot for any robot; with motion cues, tracks or a path it heeds them too, at random."""
+def a_policy(
+    robot: RobotConfig, *, history_steps: int = 0, num_tracks: int = 0, path: bool = False
+) -> MlpPolicy:
+    """The shipped policy of the diffbot for any robot; what it is told beside, it heeds at random."""
     shipped = load_policy(resolve_policy("diffbot"))
     encoder = EncoderConfig(history_steps=history_steps, num_tracks=num_tracks, path=path)
     layers = list(shipped.layers)

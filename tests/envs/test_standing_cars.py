@@ -1,4 +1,4 @@
-"""Cars on a known map that do not get on: another path from where they stand, the same in the simulator and on a robot."""
+"""Cars on a known map that do not get on: another path from where they stand, in the simulator and on a robot."""
 
 import dataclasses
 
@@ -145,7 +145,7 @@ def test_a_robot_is_led_as_in_the_simulator() -> None:
         for k, m in enumerate(moments)
     ]
     assert len(led) > 50
-    np.testing.assert_allclose(led, policy.waypoints[: len(led)], atol=1e-6)
+    np.testing.assert_allclose(np.array(led, float), policy.waypoints[: len(led)], atol=1e-6)
 
 
 @given(st.lists(st.floats(0.0, 20.0), min_size=1, max_size=80))

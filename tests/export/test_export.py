@@ -69,7 +69,9 @@ def act(programs: Path, file: Path, text: str) -> subprocess.CompletedProcess[st
     )
 
 
-def velocities(programs: Path, file: Path, rows: ScanRows, *, with_motion: bool, path: bool = False) -> np.ndarray:
+def velocities(
+    programs: Path, file: Path, rows: ScanRows, *, with_motion: bool, path: bool = False
+) -> np.ndarray:
     """(N, 2) of adrl_act."""
     done = act(programs, file, lines(rows, with_motion=with_motion, path=path))
     assert done.returncode == 0, done.stderr

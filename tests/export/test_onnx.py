@@ -43,7 +43,14 @@ def ours(policy: MlpPolicy, robot: RobotConfig, rows: ScanRows):
         history.begin(np.arange(len(rows.goal)), rows.past_ranges, rows.past_pose)
         for _ in range(steps):
             history.add(rows.ranges, rows.pose)
-    seen = encoder.encode(rows.ranges, rows.goal, rows.twist, rows.last_action, history, rows.path.reshape(len(rows.goal), -1, 2))
+    seen = encoder.encode(
+        rows.ranges,
+        rows.goal,
+        rows.twist,
+        rows.last_action,
+        history,
+        rows.path.reshape(len(rows.goal), -1, 2),
+    )
     action = policy.act(seen)
     return action, to_twist(action, robot)
 

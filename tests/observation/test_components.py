@@ -49,7 +49,9 @@ def test_components_stand_side_by_side_and_fill_the_observation() -> None:
 def test_a_component_from_outside_leaves_the_others_as_they_are() -> None:
     env = NavVectorEnv(3, scenario="clutter", task_pool=4, encoder=OPEN, seed=1)
     seen, _ = env.reset(seed=1)
-    plain = NavVectorEnv(3, scenario="clutter", task_pool=4, encoder=EncoderConfig(history_steps=2, path=True), seed=1)
+    plain = NavVectorEnv(
+        3, scenario="clutter", task_pool=4, encoder=EncoderConfig(history_steps=2, path=True), seed=1
+    )
     np.testing.assert_array_equal(seen[:, :-2], plain.reset(seed=1)[0])
     np.testing.assert_allclose(seen[:, -2], env.sim.b["ranges"].mean(axis=1) / 6.0, rtol=1e-5)
 

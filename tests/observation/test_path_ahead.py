@@ -77,7 +77,7 @@ def test_without_a_map_and_with_a_wall_in_the_way_they_lie_on_the_robots_own_rou
     sim = simulated(single_task(world, (-4.0, 0.0, 0.0), (2.0, 0.0), ROBOT), "replan")
     replanner = sim.replanner
     assert replanner is not None
-    routed = 0
+    routed, arrived = 0, False
     for _ in range(250):
         told, here = sim.b["path_ahead"][0], sim.b["odometry"][0]
         if replanner.following[0]:
@@ -90,9 +90,10 @@ def test_without_a_map_and_with_a_wall_in_the_way_they_lie_on_the_robots_own_rou
         outcome = sim.step(
             np.array([[np.clip(1.0 - 2.0 * abs(turn), -1.0, 1.0), np.clip(turn, -1.0, 1.0)]], np.float32)
         )
-        if outcome.reached[0]:
+        arrived = bool(outcome.reached[0])
+        if arrived:
             break
-    assert outcome.reached[0], "who follows the second of them arrives"
+    assert arrived, "who follows the second of them arrives"
     assert routed > 50
 
 

@@ -187,9 +187,7 @@ class KnownMapGuide(Guide):
         if stands or self._map.path is not before:
             self._standstill.begin(ONE, left_m, view.now_s)
         plan = np.concatenate([[view.place[:2]], self._map.remaining(left_m)])
-        return Heading(
-            waypoint=waypoint, distance_m=left_m, goal=goal, plan=plan, path=self._map.path_ahead
-        )
+        return Heading(waypoint=waypoint, distance_m=left_m, goal=goal, plan=plan, path=self._map.path_ahead)
 
     def _route(self, view: View, goal: Point) -> Point:
         """Have a path to the goal; where it is. Raises PlanningError."""

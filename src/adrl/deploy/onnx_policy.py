@@ -44,7 +44,9 @@ class OnnxPolicy:
         self._session = session
         inputs = tuple(spec.name for spec in session.get_inputs())
         about = session.get_modelmeta().custom_metadata_map
-        if not ({*INPUTS} <= {*inputs} <= {*INPUTS, *PAST_INPUTS, *MORE_INPUTS} and about.keys() >= {*METADATA}):
+        if not (
+            {*INPUTS} <= {*inputs} <= {*INPUTS, *PAST_INPUTS, *MORE_INPUTS} and about.keys() >= {*METADATA}
+        ):
             raise CheckpointError(
                 f"{name}: not a model of adrl export --onnx (inputs {', '.join(inputs)}); give a policy of your own as "
                 "module:object, see docs/guide/policy.md"

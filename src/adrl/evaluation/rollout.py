@@ -195,7 +195,11 @@ def _settings(given: Setting | RobotConfig | Sequence[Setting], encoder: Encoder
         return settings
     if len(settings) > 1:
         raise ConfigError("a policy with an encoder of its own drives one robot at a time; give one setting")
-    return [replace(settings[0], encoder=EncoderConfig(history_steps=encoder.history_steps, path=needs_path(encoder)))]
+    return [
+        replace(
+            settings[0], encoder=EncoderConfig(history_steps=encoder.history_steps, path=needs_path(encoder))
+        )
+    ]
 
 
 def _drive(

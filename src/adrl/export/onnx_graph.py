@@ -68,12 +68,13 @@ def to_onnx(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes:
     Inputs, float32: ranges (N, K) metres of the trained LiDAR, those beyond its reach, infinite ones among them, taken
     as its reach; goal (N, 2) metres, in the robot's frame; twist (N, 2) measured speed and yaw rate; last_action
     (N, 2). With motion cues also past_ranges (N, K) of history_steps control periods ago, and, float64, pose and
-    past_pose (N, 3) by odometry. With tracks also tracks (N, 5 num_tracks), the numbers of adrl.observation.tracks. With
-    the path also path (N, 12) metres, in the robot's frame: the six points of adrl.observation.path_ahead, x before y.
+    past_pose (N, 3) by odometry. With tracks also tracks (N, 5 num_tracks), the numbers of adrl.observation.tracks.
+    With the path also path (N, 12) metres, in the robot's frame: the points of adrl.observation.path_ahead, x before y.
 
     Outputs: action (N, 2) in [-1, 1] and velocity (N, 2), m/s and rad/s. Both are NaN for a robot of which any input is
     NaN, or any but a range is infinite or beyond GREATEST: stop it. Nodes are named by their part: inputs, sectors,
-    goal, twist, motion, path, body, network, outputs. Metadata: robot, encoder, guidance, method, maturity, version, as JSON.
+    goal, twist, motion, path, body, network, outputs. Metadata: robot, encoder, guidance, method, maturity, version, as
+    JSON.
 
     Raises MissingExtra without onnx, CheckpointError, ConfigError for a robot that is missing or another one.
     """

@@ -27,8 +27,8 @@ def to_safetensors(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes
     angle_increment, mount x, y, yaw, greatest range; base, float64: control period, greatest acceleration and yaw
     acceleration, lag, latency; footprint, float64: radius (1,), or corners (C, 2); with motion cues motion, float64:
     steps, margin, scale. Where the scan's scale is the same for all robots, encoder.scales has that greatest range for
-    its third number, and encoder.reach is it; where the policy is told of the body, encoder.body is that. Where it is told
-    the path, encoder.path, float64, is how far ahead its points lie.
+    its third number, and encoder.reach is it; where the policy is told of the body, encoder.body is that. Where it is
+    told the path, encoder.path, float64, is how far ahead its points lie.
     """
     setup = setup_of(policy)
     if setup.encoder.num_tracks > 0:

@@ -55,8 +55,13 @@ class EncoderConfig:
         check_ranges(self, "encoder.")
 
     def has(self, component: str) -> bool:
-        """Whether an observation has this built-in component: motion cues, tracks, the path and the body are asked for."""
-        asked = {"motion": self.history_steps > 0, "tracks": self.num_tracks > 0, "path": self.path, "body": self.body}
+        """Whether an observation has this built-in component; motion cues, tracks, path and body are asked for."""
+        asked = {
+            "motion": self.history_steps > 0,
+            "tracks": self.num_tracks > 0,
+            "path": self.path,
+            "body": self.body,
+        }
         return asked.get(component, True)
 
     @property

@@ -1,4 +1,4 @@
-"""The path ahead: some points of it. They tell where the way goes on beyond the waypoint, and where a car turns back."""
+"""The path ahead: some points of it. They tell how the way goes on, and where a car turns back."""
 
 from collections.abc import Sequence
 
