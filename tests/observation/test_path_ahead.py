@@ -7,11 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from adrl import _core
-from adrl.envs import NavSim
-from adrl.observation import EncoderConfig, ObservationEncoder
+from adrl.envs import NavSim, NavVectorEnv
+from adrl.geometry import in_robot_frame
+from adrl.imitation import find_expert
+from adrl.observation import EncoderConfig, ObservationDecoder, ObservationEncoder
 from adrl.observation.path_ahead import PATH_POINTS_M, PathAhead
 from adrl.planning.path_guide import MapGuide
+from adrl.planning.replanner import Replanner
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import RobotConfig, Task, World
 from adrl.worlds import ROBOTS, get_scenario, single_task, task_set
 
@@ -141,6 +144,64 @@ def test_an_encoder_without_its_path_says_so() -> None:
         )
 
 
-def test_policies_of_before_say_the_same() -> None:
+def test_policies_of_before_see_and_say_the_same() -> None:
     assert "path" not in EncoderConfig().fields()
-    assert PathAhead.size == 2 * len(_core.PATH_POINTS_M)
+    assert EncoderConfig(path=True).fields()["path"] is True
+    before, told = ObservationEncoder(ROBOT), ObservationEncoder(ROBOT, TOLD)
+    assert told.size == before.size + PathAhead.size
+    sim = NavSim(1, ROBOT, guidance="map")
+    sim.reset(np.array([0]), [around_the_corner()], np.zeros(1, np.uint64), np.random.default_rng(0))
+    np.testing.assert_array_equal(
+        simulated(around_the_corner(), "map").observe()[:, : before.size], sim.observe()
+    )
+    assert "path_ahead" not in sim.b
+
+
+def test_what_is_told_can_be_read_back() -> None:
+    sim = simulated(around_the_corner(), "map")
+    decoded = ObservationDecoder(ROBOT, TOLD).decode(sim.observe())
+    np.testing.assert_allclose(
+        decoded.path[0], in_robot_frame(sim.b["pose"], sim.b["path_ahead"][0]), atol=1e-4
+    )
+
+
+def test_the_narrow_shy_leaves_it_alone() -> None:
+    env = NavVectorEnv(2, scenario="clutter", guidance="map", encoder=TOLD, task_pool=4, seed=1)
+    env.reset()
+    seen = env.sim.observe()
+    find_expert("narrow-shy:0.8").driver(env, 0).actions()
+    np.testing.assert_array_equal(env.sim.observe(), seen)
+
+
+@pytest.mark.parametrize("car", [False, True])
+@pytest.mark.parametrize("seed", range(4))
+def test_points_of_a_route_are_those_of_its_slow_twin(car: bool, seed: int) -> None:
+    """On routes that turn and turn back: a car is led to no point beyond the next cusp before it is there."""
+    rng = np.random.default_rng(seed)
+    robot = dataclasses.replace(ROBOT, min_turning_radius_m=0.6, min_speed_mps=-0.3) if car else ROBOT
+    replanner = Replanner(1, robot, ReplannerConfig(cells=40), tells_path=True)
+    route = np.cumsum(rng.normal(0.0, 0.8, (12, 2)), axis=0)
+    steps, legs = np.hypot(*np.diff(route, axis=0).T), np.diff(route, axis=0)
+    lengths = np.concatenate([[0.0], np.cumsum(steps)])
+    cusps = lengths[1:-1][(legs[1:] * legs[:-1]).sum(axis=1) < 0.0] if car else np.empty(0)
+    b = replanner.b
+    b["corners"][0, :12], b["num_corners"][0], b["along"][0] = route, 12, 0.0
+    come, samples = 0.0, np.linspace(0.0, lengths[-1], 200_001)
+    for share in np.linspace(0.0, 1.0, 25):
+        here = along(route, np.array([share * lengths[-1]]))[0] + rng.normal(0.0, 0.02, 2)
+        replanner.native.ahead(
+            np.ones(1, np.uint8),
+            np.array([[*here, 0.0]]),
+            b["corners"],
+            b["num_corners"],
+            b["along"],
+            b["path_ahead"],
+        )
+        most = min(come + 3.0, *cusps[cusps > come], lengths[-1])
+        near = samples[(samples >= come) & (samples <= most + 1e-9)]
+        come = near[np.hypot(*(along(route, near) - here).T).argmin()]
+        if len(cusps) and np.any((most - come < 0.05) & np.isclose(most, cusps)):
+            come = most
+        assert b["along"][0] == pytest.approx(come, abs=1e-3)
+        np.testing.assert_allclose(b["path_ahead"][0], along(route, come + PATH_POINTS_M), atol=2e-3)
+        come = float(b["along"][0])

@@ -105,9 +105,12 @@ class GivenPathGuide(Guide):
             self.replanner.retarget(ONE, goals)
         self._maps, self._round = True, blocked
         waypoint = self.replanner.update(view.ranges, view.reckoned)[0]
-        told = self.replanner.path_ahead[0] if blocked else self._at(self._along_m + PATH_POINTS_M)
+        on_own_route = bool(self.replanner.following[0])
+        told = (
+            self.replanner.path_ahead[0].copy() if on_own_route else self._at(self._along_m + PATH_POINTS_M)
+        )
         most_m = DETOUR * blocked_m + DETOUR_M
-        if blocked and not (self.replanner.following[0] and self.replanner.b["route"][0] <= most_m):
+        if blocked and not (on_own_route and self.replanner.b["route"][0] <= most_m):
             # No way round is known: up to it, and wait.
             waypoint = self._at(np.array([self._along_m + BLIND_PART * LOOKAHEAD_M]))[0]
             told = np.tile(waypoint, (len(PATH_POINTS_M), 1))

@@ -21,6 +21,8 @@ ONE = np.array([0])
 """The only robot, where kernels take many."""
 RELOCALISED_M = 0.5
 """A pose on the map that jumps by so much more than the robot can drive is a new start for the path."""
+HELD_S = 1.0
+"""A robot that was not led for longer was held."""
 OFF_RAD = 0.1
 """A path on the map ends near enough to a goal that has moved by less, seen from the robot: noise of localisation."""
 
@@ -143,7 +145,7 @@ class OwnMapGuide(Guide):
             distance_m=math.dist(goal, here),
             goal=goal,
             plan=np.array([here, goal] if (x, y) == goal else [here, (x, y), goal]),
-            path=self.replanner.path_ahead[0],
+            path=self.replanner.path_ahead[0].copy(),
         )
 
     def as_shown(self, towards: Array) -> Array:
@@ -175,16 +177,17 @@ class KnownMapGuide(Guide):
 
     def head_for(self, view: View, goal: Point) -> Heading:
         """See Guide."""
-        before = self._map.path
+        before, held = self._map.path, self._held(view)
         goal = self._route(view, goal)
         self._is_new, self._last = False, (view.place, view.now_s)
         waypoint, left_m = self._map.waypoint(view.place)
-        stands = self._map.path is before and self._stands(view, left_m)
+        anew = held or self._map.path is not before
+        stands = not anew and self._stands(view, left_m)
         if stands:
             with contextlib.suppress(PlanningError):  # it goes on with the path it has
                 self._map.set_goal(view.place, goal)
             waypoint, left_m = self._map.waypoint(view.place)
-        if stands or self._map.path is not before:
+        if stands or anew:
             self._standstill.begin(ONE, left_m, view.now_s)
         plan = np.concatenate([[view.place[:2]], self._map.remaining(left_m)])
         return Heading(waypoint=waypoint, distance_m=left_m, goal=goal, plan=plan, path=self._map.path_ahead)
@@ -209,11 +212,15 @@ class KnownMapGuide(Guide):
             return x, y  # noise has moved it into a wall
         return goal
 
+    def _held(self, view: View) -> bool:
+        """Whether the robot was not led for a while: it stood for another reason than its path."""
+        return self._last is not None and view.now_s - self._last[1] > HELD_S
+
     def _stands(self, view: View, left_m: float) -> bool:
         """Whether the robot is a car that has not got on for a while on a path of its own: as in NavSim."""
         if self._given is not None or not self._robot.is_car:
             return False
-        return bool(self._standstill.lasts(np.array([left_m]), np.array([view.now_s]))[0])
+        return bool(self._standstill.update(np.array([left_m]), np.array([view.now_s]))[0])
 
     def _relocalised(self, view: View) -> bool:
         """Whether localisation has found the robot elsewhere than it can have driven to."""

@@ -200,6 +200,9 @@ class NavSim:
     def set_task(self, i: int, task: Task) -> None:
         """Another world or goal for robot i, which goes on from where it is; reset() begins the task."""
         self.tasks[i] = task
+        if not np.isnan(self._path_from[i]).all():
+            self._path_from[i] = np.nan
+            self.b["memory"][i, 0] = 0.0
         self.native.set_task(i, task.native)
         self._time_limit_s[i] = task.time_limit_s
 
@@ -260,7 +263,7 @@ class NavSim:
     def _cars_that_stand(self, outcome: Outcome) -> NDArray[np.intp]:
         """(M,) rows of cars on a map that have not got on for a while; see Standstill."""
         b, rows = self.b, self.rows
-        lasts = self._standstill.lasts(b["route_left"], b["time"])
+        lasts = self._standstill.update(b["route_left"], b["time"])
         over = outcome.reached | outcome.collided | outcome.timed_out
         return np.flatnonzero(lasts & rows.car & rows.on_map & b["active"].astype(bool) & ~over)
 
@@ -268,19 +271,21 @@ class NavSim:
         """A path from where car i stands. Where there is none, it goes on with the one it has."""
         b = self.b
         try:
-            self._set_path(i, b["pose"][i])
+            self.native.set_path(i, self._from(i, b["pose"][i]).native)
             self._path_from[i] = b["pose"][i]
         except PlanningError:
             pass
         self._standstill.begin(np.array([i]), b["route_left"][i], b["time"][i])
 
-    def _set_path(self, i: int, pose: Array) -> None:
+    def _from(self, i: int, pose: Array) -> Task:
+        """Robot i's task with a path from a pose. Raises PlanningError."""
         task = self.tasks[i]
         assert task is not None
-        robot = self.kinds[int(self.b["kind"][i])].robot
         x, y, yaw = pose.tolist()
-        path = plan(task.world, (x, y, yaw), task.goal, robot)
-        self.native.set_path(i, dataclasses.replace(task, path=path).native)
+        path = plan(
+            task.world.without_discs, (x, y, yaw), task.goal, self.kinds[int(self.b["kind"][i])].robot
+        )
+        return dataclasses.replace(task, path=path)
 
     def people(self, row: int) -> Array:
         """(P, 3) x, y and radius of the people about a robot, now."""
@@ -381,9 +386,7 @@ class NavSim:
                 continue
             self.native.set_task(i, task.native)
             if np.isfinite(self._path_from[i]).all():
-                along = self.b["memory"][i, 0]
-                self._set_path(i, self._path_from[i])
-                self.b["memory"][i, 0] = along
+                self.native.set_task(i, self._from(i, self._path_from[i]).native)
 
     def _only(self, what: str, found: Mapping[Any, None]) -> Any:
         if len(found) > 1:

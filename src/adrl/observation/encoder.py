@@ -125,6 +125,7 @@ class ObservationEncoder:
         last_action: F32,
         history: ScanHistory | None = None,
         path: Array | None = None,
+        *,
         kind: NDArray[np.intp] | None = None,
     ) -> F32:
         """(N, D) of N robots; arguments as in Senses. Raises ValueError without kinds where there are several."""

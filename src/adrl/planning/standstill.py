@@ -26,9 +26,10 @@ class Standstill:
         """Robots `rows` (M,) have another path, with so much of it left (M,), at this time (M,)."""
         self.b["least_left"][rows], self.b["since"][rows] = left_m, now_s
 
-    def lasts(self, left_m: Array, now_s: Array) -> NDArray[np.bool_]:
-        """(N,) robots that have not got on for WAIT_S; left_m, now_s: (N,) metres of path left, and the time."""
+    def update(self, left_m: Array, now_s: Array) -> NDArray[np.bool_]:
+        """left_m, now_s: (N,) metres of path left, and the time -> (N,) robots that have not got on for WAIT_S."""
         least, since = self.b["least_left"], self.b["since"]
         better = left_m < least - GOT_ON_M
         least[better], since[better] = left_m[better], now_s[better]
-        return now_s - since > WAIT_S
+        np.minimum(since, now_s, out=since)  # a clock may go back
+        return now_s - since > WAIT_S + 1e-6  # sums of periods and their multiples differ by less

@@ -227,7 +227,7 @@ def _of_family(config: RunConfig, family: RobotFamily, start: Start | None) -> R
         encoder = replace(encoder, body=True, reach_m=REACH_M if encoder.reach_m is None else encoder.reach_m)
     replanner = config.replanner
     if start is None and replanner.near is None:
-        replanner = replace(replanner, near="map" in config.guidances and "replan" not in config.guidances)
+        replanner = replace(replanner, near=config.guidances == ("map",))
     stop_within_m = STOP_WITHIN_M if config.stop_within_m is None else config.stop_within_m
     return replace(config, encoder=encoder, replanner=replanner, stop_within_m=stop_within_m)
 
@@ -244,6 +244,6 @@ def _default_folder(
 ) -> Path:
     """Its name tells what the run is."""
     places = "-".join(scenario.name for scenario in scenarios)
-    parts = (method_name(config.chosen_method), places, robot.name, "-".join(config.guidances))
+    parts = (method_name(config.chosen_method), places, robot.name, "-".join(config.placed_guidances))
     name = "-".join(re.sub(r"[^\w.-]+", "-", part) for part in parts)
     return Path("runs") / f"{name}-s{config.learner.seed}"

@@ -19,8 +19,10 @@ from adrl.worlds.ros_map import Unknown
 
 
 def split_guidance(text: str) -> tuple[str, str]:
-    """NAME or NAME@PLACE -> the guidance's name, and the place it is for; "" for any."""
-    name, _, place = text.partition("@")
+    """NAME or NAME@PLACE -> the guidance's name, and the place it is for; "" for any. Raises ConfigError."""
+    name, at, place = (part.strip() for part in text.partition("@"))
+    if at and not place:
+        raise ConfigError(f"guidance {text!r}: give a place after @, as goal@clutter")
     return name, place
 
 
