@@ -4,6 +4,7 @@ import json
 import os
 import signal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -86,9 +87,10 @@ def test_a_guidance_for_a_place_is_kept_when_the_run_goes_on(tmp_path: Path):
     ],
     ids=str,
 )
-def test_a_guidance_for_no_place_or_for_one_robot_is_refused(options: dict, told: str):
+def test_a_guidance_for_no_place_or_for_one_robot_is_refused(options: dict[str, Any], told: str):
+    given: dict[str, Any] = {"robot": "any", "scenario": "clutter,complex"} | options
     with pytest.raises(ConfigError, match=told):
-        Run.of(RunConfig(**({"robot": "any", "scenario": "clutter,complex"} | options)))
+        Run.of(RunConfig(**given))
 
 
 def test_each_task_has_a_robot_of_its_own_of_the_training_split():
