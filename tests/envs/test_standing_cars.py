@@ -68,7 +68,7 @@ def test_others_are_not(robot: RobotConfig, guidance: str) -> None:
     for _ in range(60):
         sim.step(still)
     np.testing.assert_allclose(sim.b["route_left"], left, atol=1e-6)
-    assert np.isnan(sim.state()["path_from"]).all()
+    assert np.isinf(sim.state()["path_from"]).all()
 
 
 def test_a_car_that_gets_on_keeps_its_path() -> None:
@@ -76,7 +76,7 @@ def test_a_car_that_gets_on_keeps_its_path() -> None:
     sim = begun(CAR, "map", task)
     for _ in range(round(4 * WAIT_S / CAR.control_period_s)):
         sim.step(np.array([[0.0, 0.0]], np.float32))
-    assert np.isnan(sim.state()["path_from"]).all()
+    assert np.isinf(sim.state()["path_from"]).all()
 
 
 def test_where_there_is_no_way_it_keeps_the_path_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -122,7 +122,7 @@ def test_another_goal_under_way_begins_a_path_of_its_own() -> None:
     off_the_path(sim)
     stand(sim, WAIT_S + 1.0)
     sim.set_task(0, single_task(room(10.0), (-1.0, 1.5, 1.5), (-3.0, -3.0), CAR))
-    assert np.isnan(sim.state()["path_from"]).all()
+    assert np.isinf(sim.state()["path_from"]).all()
     assert sim.b["memory"][0, 0] == 0.0
 
 
@@ -145,7 +145,7 @@ def test_the_next_task_begins_with_its_own_path() -> None:
     stand(sim, WAIT_S + 1.0)
     sim.reset(np.array([0]), [task], np.zeros(1, np.uint64), np.random.default_rng(0))
     assert sim.b["route_left"][0] == pytest.approx(global_planner.length_m(task.path), abs=1e-6)
-    assert np.isnan(sim.state()["path_from"]).all()
+    assert np.isinf(sim.state()["path_from"]).all()
 
 
 class Stands:

@@ -117,8 +117,8 @@ class NavSim:
         self._last_action = np.zeros((num_envs, 2), dtype=np.float32)
         self._has_cars_on_map = bool((self._table.car & self._table.on_map).any())
         self._standstill = Standstill(num_envs)
-        self._path_from = np.full((num_envs, 3), np.nan)
-        """(N, 3) poses from which cars have got another path than their task's; NaN where they have that."""
+        self._path_from = np.full((num_envs, 3), np.inf)
+        """(N, 3) poses from which cars have got another path than their task's; infinite where they have that."""
         self._steps = Steps(self, self._table, self.reward)
         steps = self.encoder.history_steps
         self._history = ScanHistory(num_envs, num_beams, steps) if steps > 0 else None
@@ -194,14 +194,14 @@ class NavSim:
             self.replanner.reset(indices, goals, self.b["odometry"][indices])
             self._replan(mask.astype(bool))
         self._standstill.begin(indices, self.b["route_left"][indices], 0.0)
-        self._path_from[indices] = np.nan
+        self._path_from[indices] = np.inf
         self._steps.begin(indices)
 
     def set_task(self, i: int, task: Task) -> None:
         """Another world or goal for robot i, which goes on from where it is; reset() begins the task."""
         self.tasks[i] = task
-        if not np.isnan(self._path_from[i]).all():
-            self._path_from[i] = np.nan
+        if np.isfinite(self._path_from[i]).all():
+            self._path_from[i] = np.inf
             self.b["memory"][i, 0] = 0.0
         self.native.set_task(i, task.native)
         self._time_limit_s[i] = task.time_limit_s
@@ -377,7 +377,7 @@ class NavSim:
                 name.removeprefix(prefix): array for name, array in state.items() if name.startswith(prefix)
             }
             self.replanner.set_state(own)
-        self._path_from[:] = state.get("path_from", np.nan)  # states of before know no other path
+        self._path_from[:] = state.get("path_from", np.inf)  # states of before know no other path
         for name, array in self._standstill.b.items():
             array[:] = state.get(f"standstill.{name}", array)
         for i, task in enumerate(tasks):
