@@ -4,6 +4,7 @@ import json
 import os
 import signal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,6 +50,47 @@ def test_one_that_learns_by_waypoints_alone_is_shown_no_farther_point_on_its_own
 ):
     assert Run.of(RunConfig(robot="any", guidance=guidance)).replanner.near == near
     assert not Run.of(RunConfig(guidance=guidance)).replanner.near, "robots of one kind have learnt without"
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_a_guidance_for_a_place_is_kept_when_the_run_goes_on(tmp_path: Path):
+    places = (
+        "--scenario",
+        "clutter,complex",
+        "--robot",
+        "any",
+        "--validation-episodes",
+        "4",
+        "--out",
+        tmp_path,
+        "--method",
+        "td3",
+    )
+    assert run_cli(*TRAIN, *places, "--guidance", "map,goal@clutter") == 0
+    config = json.loads((tmp_path / "config.json").read_text())
+    assert config["environment"]["guidances"] == ["map", "goal"]
+    assert config["settings"]["guidance"] == "map,goal@clutter"
+    longer = [word if word != "4096" else "6144" for word in TRAIN]
+    assert run_cli(*longer, *places, "--resume", "--guidance", "map,goal") == 2, "other tasks"
+    assert run_cli(*longer, *places, "--resume") == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        ({"guidance": "map,goal@"}, "give a place after @"),
+        (
+            {"guidance": "map,goal@clutter", "robot": "diffbot"},
+            "for families of robots, and diffbot is one robot",
+        ),
+    ],
+    ids=str,
+)
+def test_a_guidance_for_no_place_or_for_one_robot_is_refused(options: dict[str, Any], told: str):
+    given: dict[str, Any] = {"robot": "any", "scenario": "clutter,complex"} | options
+    with pytest.raises(ConfigError, match=told):
+        Run.of(RunConfig(**given))
 
 
 def test_each_task_has_a_robot_of_its_own_of_the_training_split():

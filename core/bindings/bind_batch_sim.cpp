@@ -71,6 +71,12 @@ class BoundGuide {
         along_ = guided.along;
         return {{guided.waypoint.x, guided.waypoint.y}, guided.left};
     }
+    nb::object ahead() const {
+        double *out = nullptr;
+        auto points = new_array<double>({kPathAhead.size(), 2}, out);
+        path_ahead(path_, along_, out);
+        return nb::cast(points);
+    }
 
   private:
     std::shared_ptr<World> world_;
@@ -127,6 +133,7 @@ std::unique_ptr<BoundSim> make_sim(int num_envs, int num_threads,
                        f64("clearance", {n}),
                        f64("least_clearance", {n}),
                        f64("waypoint", {n, 2}),
+                       buffers.contains("path_ahead") ? f64("path_ahead", {n, kPathAhead.size(), 2}) : nullptr,
                        f64("route_left", {n}),
                        f64("time", {n}),
                        f64("travelled", {n}),
@@ -143,6 +150,12 @@ std::unique_ptr<BoundSim> make_sim(int num_envs, int num_threads,
 void set_task(BoundSim &self, int i, std::shared_ptr<Task> task) {
     if (i < 0 || i >= self.sim.num_envs()) throw nb::index_error("no such robot");
     self.sim.set_task(i, std::move(task));
+}
+
+void set_path(BoundSim &self, int i, std::shared_ptr<Task> task) {
+    if (i < 0 || i >= self.sim.num_envs()) throw nb::index_error("no such robot");
+    self.require_kinds_known();
+    self.sim.set_path(i, std::move(task));
 }
 
 void reset(BoundSim &self, const Flat8 &mask) {
@@ -197,11 +210,13 @@ void bind_batch_sim(nb::module_ &m) {
         .def_rw("waypoint_is_given", &SimConfig::waypoint_is_given);
     nb::class_<BoundGuide>(m, "PathGuide")
         .def(nb::new_(&make_guide), nb::arg("world"), nb::arg("robot"), nb::arg("config"), nb::arg("path").noconvert())
-        .def("follow", &BoundGuide::follow, nb::arg("x_m"), nb::arg("y_m"));
+        .def("follow", &BoundGuide::follow, nb::arg("x_m"), nb::arg("y_m"))
+        .def("ahead", &BoundGuide::ahead);
     nb::class_<BoundSim>(m, "BatchSim")
         .def(nb::new_(&make_sim), nb::arg("num_envs"), nb::arg("num_threads"), nb::arg("kinds"), nb::arg("buffers"))
         .def_prop_ro("num_threads", [](const BoundSim &self) { return self.sim.num_threads(); })
         .def("set_task", &set_task, nb::arg("index"), nb::arg("task"))
+        .def("set_path", &set_path, nb::arg("index"), nb::arg("task"))
         .def("reset", &reset, nb::arg("mask").noconvert())
         .def("step", &step)
         .def("follow", &follow, nb::arg("before").noconvert())

@@ -11,6 +11,7 @@
 #include "buffers.hpp"
 #include "car.hpp"
 #include "kinds.hpp"
+#include "planning/path_guide.hpp"
 #include "planning/replanner.hpp"
 
 using namespace adrl;
@@ -157,6 +158,13 @@ void plan_routes(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3
     self.native.plan(mask.data(), pose.data(), goal.data(), &routes);
 }
 
+void require_routes(const BoundReplanner &self, const Flat8 &mask, const RouteCorners &routes) {
+    for (std::size_t i = 0; i < self.robots(); ++i) {
+        if (mask.data()[i] && (routes.count[i] < 1 || routes.count[i] > kRouteCorners))
+            throw nb::value_error(("counts: a route has 1 to " + std::to_string(kRouteCorners) + " corners").c_str());
+    }
+}
+
 void drive_routes(BoundReplanner &self, BoundControl &control, const Flat8 &mask, const In<double, Rows3> &pose,
                   const In<double, Rows2> &twist, Corners corners, Counts counts, Out<double, nb::shape<-1>> along,
                   Out<double, Rows2> out) {
@@ -170,14 +178,24 @@ void drive_routes(BoundReplanner &self, BoundControl &control, const Flat8 &mask
     if (control.in_known_worlds_alone)
         throw nb::value_error("control: orca is told velocities, and a robot's own map has none");
     const RouteCorners routes = corners_of(self, corners, counts);
-    for (std::size_t i = 0; i < self.robots(); ++i) {
-        if (mask.data()[i] && (routes.count[i] < 1 || routes.count[i] > kRouteCorners))
-            throw nb::value_error(("counts: a route has 1 to " + std::to_string(kRouteCorners) + " corners").c_str());
-    }
+    require_routes(self, mask, routes);
     self.require_kinds_known();
     control.require_kinds_known();
     const nb::gil_scoped_release release;
     control.native.on_maps(self.native, mask.data(), pose.data(), twist.data(), routes, along.data(), out.data());
+}
+
+void ahead(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose, Corners corners, Counts counts,
+           Out<double, nb::shape<-1>> along, Out<double, nb::shape<-1, kPathAhead.size(), 2>> out) {
+    self.require_rows(mask.shape(0), "mask");
+    self.require_points(mask, pose, "pose");
+    self.require_rows(along.shape(0), "along");
+    self.require_rows(out.shape(0), "out");
+    const RouteCorners routes = corners_of(self, corners, counts);
+    require_routes(self, mask, routes);
+    self.require_kinds_known();
+    const nb::gil_scoped_release release;
+    self.native.ahead(mask.data(), pose.data(), routes, along.data(), out.data());
 }
 
 void see(BoundReplanner &self, const Flat8 &mask, const In<double, Rows3> &pose, const In<double, Rows2> &point,
@@ -275,9 +293,12 @@ void bind_replanner(nb::module_ &m) {
         .def("drive", &drive_routes, nb::arg("control"), nb::arg("mask").noconvert(), nb::arg("pose").noconvert(),
              nb::arg("twist").noconvert(), nb::arg("corners").noconvert(), nb::arg("counts").noconvert(),
              nb::arg("along").noconvert(), nb::arg("out").noconvert())
+        .def("ahead", &ahead, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(), nb::arg("corners").noconvert(),
+             nb::arg("counts").noconvert(), nb::arg("along").noconvert(), nb::arg("out").noconvert())
         .def("see", &see, nb::arg("mask").noconvert(), nb::arg("pose").noconvert(), nb::arg("point").noconvert(),
              nb::arg("distance_m"), nb::arg("known"), nb::arg("out").noconvert());
     m.attr("ROUTE_CORNERS") = kRouteCorners;
+    m.attr("PATH_POINTS_M") = nb::cast(std::vector<double>(kPathAhead.begin(), kPathAhead.end()));
     m.attr("MAX_CLEARANCE_CELLS") = RoutePlanner::kMaxReach;
     m.attr("MAX_DENSITY_WEIGHT") = RoutePlanner::kMaxWeight;
     m.attr("MAX_TURN_COST_M") = RoutePlanner::kMaxTurn;

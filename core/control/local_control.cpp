@@ -10,7 +10,6 @@
 namespace adrl {
 namespace {
 
-constexpr double kRouteWindow = 3.0; // the robot is looked for so far ahead of where it was on its route, metres
 constexpr double kTangent = 0.1;     // metres of path that tell its direction
 
 // Which way a car drives to get on: backward where its path leads behind it.

@@ -18,6 +18,14 @@ double come_along(const Path &path, Vec2 p, double along, double window, bool ca
     return cusp - come < kAtCusp ? cusp : come;
 }
 
+void path_ahead(const Path &path, double along, double *out) {
+    for (const double metres : kPathAhead) {
+        const Vec2 point = path.at(along + metres);
+        *out++ = point.x;
+        *out++ = point.y;
+    }
+}
+
 Guided follow_path(const World &world, const Path &path, const GuideRules &rules, Vec2 p, double along) {
     Guided guided;
     guided.along = come_along(path, p, along, rules.window, rules.car);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 
 #include "planning/path.hpp"
 #include "world/world.hpp"
@@ -14,6 +15,9 @@ struct GuideRules {
     double corridor = 0.2;  // radius of the disc that must fit through on the straight line to the waypoint
     bool car = false;       // that follows its path from cusp to cusp
 };
+
+// Points of the path ahead that a policy may be told, metres along it from where the robot is.
+inline constexpr std::array kPathAhead{0.3, 0.6, 1.0, 1.5, 2.2, 3.0};
 
 struct Guided {
     double along = 0.0; // arc length of the path's point nearest to the robot
@@ -29,6 +33,9 @@ double led_to(const Path &path, double along, bool car);
 // The arc length of the path's point nearest to p, looked for up to `window` beyond `along`, where the robot was
 // before. A car that has nearly come to a cusp has come to it.
 double come_along(const Path &path, Vec2 p, double along, double window, bool car);
+
+// Writes the kPathAhead ahead of `along` into out (kPathAhead, 2); those beyond the path's end lie there.
+void path_ahead(const Path &path, double along, double *out);
 
 // A robot at p, which was at arc length `along` before.
 Guided follow_path(const World &world, const Path &path, const GuideRules &rules, Vec2 p, double along);

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "planning/path_guide.hpp"
+
 namespace adrl {
 namespace {
 
@@ -33,10 +35,14 @@ Replanner::Replanner(int num_robots, int num_threads, const std::vector<Replanne
     }
     const bool cars = std::any_of(kinds_.begin(), kinds_.end(), [](const Kind &kind) { return kind.car.has_value(); });
     for (int k = 0; k < pool_.size(); ++k) {
-        stock_.add(
-            std::make_unique<Scratch>(Scratch{ScanIntegrator(shape_, b_.num_columns),
-                                              RoutePlanner(shape_.height, shape_.width, shape_.resolution, widest),
-                                              cars ? std::make_unique<CarRoute>(shape_) : nullptr}));
+        auto scratch = std::make_unique<Scratch>(Scratch{
+            ScanIntegrator(shape_, b_.num_columns),
+            RoutePlanner(shape_.height, shape_.width, shape_.resolution, widest),
+            cars ? std::make_unique<CarRoute>(shape_) : nullptr,
+            Path(),
+        });
+        scratch->route.reserve(kRouteCorners);
+        stock_.add(std::move(scratch));
     }
 }
 
@@ -114,6 +120,21 @@ void Replanner::plan_one(int i, Scratch &scratch, const Pose &pose, Vec2 goal, c
         add(b + 1 == cells.size() && route.reached ? goal : centre_of(cells[b], shape_, window));
     });
     routes->count[i] = count;
+}
+
+void Replanner::ahead(const std::uint8_t *mask, const double *pose, const RouteCorners &routes, double *along,
+                      double *out) {
+    pool_.run(num_robots_, [&](int first, int last) {
+        auto scratch = stock_.borrow();
+        for (int i = first; i < last; ++i) {
+            if (!mask[i]) continue;
+            const Pose at = pose_at(pose, i);
+            Path &route = scratch->route;
+            route.assign(routes.of(i));
+            along[i] = come_along(route, {at.x, at.y}, along[i], kRouteWindow, kind_of(i).car.has_value());
+            path_ahead(route, along[i], out + static_cast<std::ptrdiff_t>(i) * 2 * kPathAhead.size());
+        }
+    });
 }
 
 void Replanner::see(const std::uint8_t *mask, const double *pose, const double *point, double distance, bool known,

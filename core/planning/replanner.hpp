@@ -42,7 +42,8 @@ struct ReplannerBuffers {
     std::uint8_t *found;      // (N) 0 no route, 1 to the goal, 2 to the reachable cell nearest to it
 };
 
-inline constexpr int kRouteCorners = 64; // of a route, at most; a longer one is cut off
+inline constexpr double kRouteWindow = 3.0; // a robot is looked for so far ahead of where it was on its route, metres
+inline constexpr int kRouteCorners = 64;    // of a route, at most; a longer one is cut off
 
 // Routes pulled taut, from the robots to their ends.
 struct RouteCorners {
@@ -71,6 +72,9 @@ class Replanner {
     void observe(const std::uint8_t *mask, const double *pose, const float *ranges);
     // Plans to goals (N, 2): waypoint, route and found, and the routes themselves where they are wanted.
     void plan(const std::uint8_t *mask, const double *pose, const double *goal, const RouteCorners *routes = nullptr);
+    // Writes into out (N, kPathAhead, 2) points of robots' routes ahead of where they are, poses (N, 3). along (N): how
+    // far along its route each has come; 0 for a new one.
+    void ahead(const std::uint8_t *mask, const double *pose, const RouteCorners &routes, double *along, double *out);
     // out (N): whether the straight line from the robot towards a point (N, 2) is free of what has been seen, for at
     // most `distance` metres of it; with `known`, also whether all of that line has been seen. Robots off the mask are
     // left alone.
@@ -88,6 +92,7 @@ class Replanner {
         ScanIntegrator integrator;
         RoutePlanner planner;
         std::unique_ptr<CarRoute> car; // where there are cars
+        Path route;
     };
 
     void plan_one(int i, Scratch &scratch, const Pose &pose, Vec2 goal, const RouteCorners *routes);

@@ -255,6 +255,12 @@ void BatchSim::sense(int i) {
     std::fill(out + robot.beams.count(), out + b_.num_columns, static_cast<float>(robot.max_range));
 }
 
+void BatchSim::set_path(int i, std::shared_ptr<const Task> task) {
+    set_task(i, std::move(task));
+    b_.memory[static_cast<std::ptrdiff_t>(i) * kMemory] = 0.0;
+    guide(i);
+}
+
 void BatchSim::guide(int i) {
     const Task &task = *tasks_[i];
     const SimKind &kind = kind_of(i);
@@ -266,6 +272,10 @@ void BatchSim::guide(int i) {
     const Vec2 waypoint = kind.rules.lookahead > 0.0 ? guided.waypoint : task.goal;
     b_.waypoint[2 * i] = waypoint.x;
     b_.waypoint[2 * i + 1] = waypoint.y;
+    if (b_.path_ahead == nullptr) return;
+    // Led to the goal alone a robot knows of no path: all points are the goal.
+    const double from = kind.rules.lookahead > 0.0 ? along : task.path.length();
+    path_ahead(task.path, from, b_.path_ahead + static_cast<std::ptrdiff_t>(i) * 2 * kPathAhead.size());
 }
 
 GuideRules guide_rules(const Robot &robot, const SimConfig &config) {

@@ -72,6 +72,7 @@ struct SimBuffers {
     double *clearance;          // (N) from the footprint's edge, at the end of the step
     double *least_clearance;    // (N) during the step
     double *waypoint;           // (N, 2) point of the path to head for
+    double *path_ahead;         // (N, kPathAhead, 2) points of the path ahead; null where nobody asks
     double *route_left;         // (N) metres of path left
     double *time;               // (N) seconds since the start
     double *travelled;          // (N) metres driven
@@ -109,6 +110,8 @@ class BatchSim {
     std::size_t num_kinds() const { return kinds_.size(); }
     int num_threads() const { return pool_.size(); }
     void set_task(int i, std::shared_ptr<const Task> task) { tasks_[i] = std::move(task); }
+    // Another path for robot i, in another task of the same place and goal: it is led along it from its begin.
+    void set_path(int i, std::shared_ptr<const Task> task);
     // Puts the robots of the mask at their tasks' starts, at rest, and senses. mask is (N).
     void reset(const std::uint8_t *mask);
     // Moves every active robot by one control period and senses.

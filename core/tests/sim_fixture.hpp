@@ -38,8 +38,8 @@ class SimFixture {
   public:
     SimFixture(int n, int num_threads, bool polygon, const ControllerConfig &controller = DwaConfig{})
         : command(2 * n, 0.4), params(kNumParams * n), pose(3 * n), odometry(3 * n), twist(2 * n), clearance(n),
-          least(n), waypoint(2 * n), route_left(n), time(n), travelled(n), memory(kMemory * n), plans(2 * n),
-          remembered(static_cast<std::size_t>(n) * control_memory(controller)),
+          least(n), waypoint(2 * n), path_ahead(2 * kPathAhead.size() * n), route_left(n), time(n), travelled(n),
+          memory(kMemory * n), plans(2 * n), remembered(static_cast<std::size_t>(n) * control_memory(controller)),
           ranges(static_cast<std::size_t>(kBeams) * n), active(n, 1), reached(n), collided(n), at_fault(n), mask(n, 1),
           seed(n), people(static_cast<std::size_t>(kMaxPeople) * kPersonNumbers * n), kind(n),
           control(n, num_threads, {{robot(polygon).footprint, DriveLimits{}, 0.1, true, controller}}, kind.data(),
@@ -76,8 +76,8 @@ class SimFixture {
     }
 
     static constexpr int kBeams = 45;
-    std::vector<double> command, params, pose, odometry, twist, clearance, least, waypoint, route_left, time, travelled,
-        memory, plans, remembered;
+    std::vector<double> command, params, pose, odometry, twist, clearance, least, waypoint, path_ahead, route_left,
+        time, travelled, memory, plans, remembered;
     std::vector<float> ranges;
     std::vector<std::uint8_t> active, reached, collided, at_fault, mask;
     std::vector<std::uint64_t> seed;
@@ -94,11 +94,11 @@ class SimFixture {
     }
 
     SimBuffers buffers() {
-        return {kind.data(),      kBeams,         command.data(),  active.data(),     seed.data(),
-                params.data(),    ranges.data(),  pose.data(),     odometry.data(),   twist.data(),
-                clearance.data(), least.data(),   waypoint.data(), route_left.data(), time.data(),
-                travelled.data(), reached.data(), collided.data(), at_fault.data(),   memory.data(),
-                people.data()};
+        return {kind.data(),      kBeams,           command.data(),  active.data(),     seed.data(),
+                params.data(),    ranges.data(),    pose.data(),     odometry.data(),   twist.data(),
+                clearance.data(), least.data(),     waypoint.data(), path_ahead.data(), route_left.data(),
+                time.data(),      travelled.data(), reached.data(),  collided.data(),   at_fault.data(),
+                memory.data(),    people.data()};
     }
 };
 

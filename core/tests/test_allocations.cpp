@@ -75,7 +75,8 @@ TEST_CASE("robots on maps of their own allocate nothing") {
     std::vector<std::int64_t> origin(2 * kRobots);
     std::vector<std::uint8_t> parity(kRobots), found(kRobots), mask(kRobots, 1);
     std::vector<double> waypoint(2 * kRobots), length(kRobots), pose(3 * kRobots), twist(2 * kRobots, 0.3),
-        goal(2 * kRobots, 2.5), corners(2L * kRobots * kRouteCorners), along(kRobots), out(2 * kRobots);
+        goal(2 * kRobots, 2.5), corners(2L * kRobots * kRouteCorners), along(kRobots), out(2 * kRobots),
+        ahead(2 * kPathAhead.size() * kRobots);
     std::vector<std::int32_t> counts(kRobots);
     std::vector<float> ranges(static_cast<std::size_t>(kRobots) * SimFixture::kBeams);
     for (std::size_t i = 0; i < ranges.size(); ++i) ranges[i] = 0.8F + static_cast<float>(i % 7);
@@ -101,6 +102,7 @@ TEST_CASE("robots on maps of their own allocate nothing") {
         for (int k = 0; k < 5; ++k) {
             maps.observe(mask.data(), pose.data(), ranges.data());
             maps.plan(mask.data(), pose.data(), goal.data(), &routes);
+            maps.ahead(mask.data(), pose.data(), routes, along.data(), ahead.data());
             control.on_maps(maps, mask.data(), pose.data(), twist.data(), routes, along.data(), out.data());
         }
         CHECK(allocations.load() == before);

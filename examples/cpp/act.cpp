@@ -1,7 +1,7 @@
 // adrl_act POLICY < rows: one line a control step in, the velocity out.
-// A line: ranges; goal x y; speed, yaw rate; last action (2); with motion cues also past ranges, pose x y yaw, past
-// pose. A line of another length, or with something that is no number, ends the program with an error; inf and nan are
-// numbers.
+// A line: ranges; goal x y; speed, yaw rate; last action (2); for a policy that is told the path x y of each of its
+// points; with motion cues also past ranges, pose x y yaw, past pose. A line of another length, or with something that
+// is no number, ends the program with an error; inf and nan are numbers.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -38,7 +38,8 @@ int main(int argc, char **argv) {
         const Policy policy(argv[1]);
         const std::size_t beams = policy.num_beams();
         const bool cued = policy.history_steps() > 0;
-        const std::size_t width = cued ? 2 * beams + 12 : beams + 6;
+        const std::size_t points = policy.path_points().size();
+        const std::size_t width = (cued ? 2 * beams + 12 : beams + 6) + 2 * points;
         std::string line;
         for (int number = 1; std::getline(std::cin, line); ++number) {
             const std::vector<double> row = numbers_of(line);
@@ -51,14 +52,16 @@ int main(int argc, char **argv) {
             const adrl::Vec2 goal{at[0], at[1]};
             const adrl::Twist twist{at[2], at[3]};
             const Action last{static_cast<float>(at[4]), static_cast<float>(at[5])};
+            at += 6;
+            std::vector<adrl::Vec2> path;
+            for (std::size_t k = 0; k < points; ++k, at += 2) path.push_back({at[0], at[1]});
             if (cued) {
-                at += 6;
                 past.ranges.assign(at, at + beams);
                 at += beams;
                 now.pose = {at[0], at[1], at[2]};
                 past.pose = {at[3], at[4], at[5]};
             }
-            const adrl::Twist velocity = policy.velocity(policy.act(now, past, goal, twist, last));
+            const adrl::Twist velocity = policy.velocity(policy.act(now, past, goal, path, twist, last));
             std::printf("%.9g %.9g\n", velocity.v, velocity.w);
             std::fflush(stdout);
         }

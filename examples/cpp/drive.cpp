@@ -63,7 +63,8 @@ int main(int argc, char **argv) {
                 std::printf("at the goal after %.1f s\n", step * period);
                 return 0;
             }
-            last = policy.act(looks.back(), looks.front(), ahead, robot.twist, last);
+            const std::vector<adrl::Vec2> path(policy.path_points().size(), ahead); // none is known
+            last = policy.act(looks.back(), looks.front(), ahead, path, robot.twist, last);
             adrl::Twist command = policy.velocity(last);
             std::vector<adrl::Hit> hits = hits_of(policy, looks.back().ranges);
             const std::array<adrl::Order, 1> until_next{adrl::Order{command, period}};

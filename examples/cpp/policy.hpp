@@ -35,6 +35,8 @@ class Policy {
     double max_range() const { return lidar_[6]; }
     // Control periods between the two looks that motion cues compare; 0 for a policy without.
     int history_steps() const { return cue_ ? static_cast<int>(motion_[0]) : 0; }
+    // How far ahead along the path the points lie that act() takes, metres; none for a policy that is told of no path.
+    const std::vector<double> &path_points() const { return path_; }
     double period() const { return base_[0]; }  // of control, s
     double latency() const { return base_[4]; } // s
     adrl::DriveLimits drive_limits() const {
@@ -50,14 +52,19 @@ class Policy {
         return polygon;
     }
 
-    // Ranges of the trained beams in their order, clipped to their reach; goal: in the robot's frame, metres; twist:
-    // measured; past: history_steps() control periods ago. The action is NaN where anything is, or anything but a
-    // range is beyond kGreatest: stop the robot. Throws std::invalid_argument for another number of ranges.
-    Action act(Look now, Look past, adrl::Vec2 goal, adrl::Twist twist, Action last) const {
+    // Ranges of the trained beams in their order, clipped to their reach; goal, path: in the robot's frame, metres, the
+    // path being the points that path_points() asks for, all of them the goal where no path is known; twist: measured;
+    // past: history_steps() control periods ago. The action is NaN where anything is, or anything but a range is
+    // beyond kGreatest: stop the robot. Throws std::invalid_argument for another number of ranges or points.
+    Action act(Look now, Look past, adrl::Vec2 goal, const std::vector<adrl::Vec2> &path, adrl::Twist twist,
+               Action last) const {
+        if (path.size() != path_.size())
+            throw std::invalid_argument("this policy takes " + std::to_string(path_.size()) + " points of the path");
         std::vector<double> told{goal.x, goal.y, twist.v, twist.w, last.speed, last.turn};
         if (cue_) {
             for (const adrl::Pose &pose : {now.pose, past.pose}) told.insert(told.end(), {pose.x, pose.y, pose.theta});
         }
+        for (const adrl::Vec2 point : path) told.insert(told.end(), {point.x, point.y});
         const bool sound = clip(now.ranges) && (!cue_ || clip(past.ranges)) && within(told, -kGreatest, kGreatest);
         if (!sound) return {std::nanf(""), std::nanf("")};
         std::vector<float> x = sectors(now.ranges);
@@ -71,6 +78,10 @@ class Policy {
             const std::size_t known = x.size();
             x.resize(known + extent_.size());
             cue_->compute(now.ranges.data(), now.pose, past.ranges.data(), past.pose, x.data() + known);
+        }
+        for (const adrl::Vec2 point : path) {
+            const double shortened = adrl::norm(point) + scales_[3];
+            x.insert(x.end(), {static_cast<float>(point.x / shortened), static_cast<float>(point.y / shortened)});
         }
         x.insert(x.end(), body_.begin(), body_.end());
         for (std::size_t k = 0; k < layers_.size(); ++k) x = layers_[k].apply(x, k + 1 < layers_.size());
@@ -125,11 +136,16 @@ class Policy {
             if (reach_.size() != 1 || !within(reach_, kLeast, kGreatest))
                 file.fail("encoder.reach: one range is wanted");
         }
+        if (file.has("encoder.path")) {
+            path_ = file.read<double>("encoder.path");
+            if (path_.size() > kMostBeams || !within(path_, 0.0, kGreatest))
+                file.fail("encoder.path: metres ahead are wanted");
+        }
         if (file.has("encoder.body")) {
             body_ = file.read<float>("encoder.body");
             if (!within(body_, -kGreatest, kGreatest)) file.fail("encoder.body holds what is no number");
         }
-        std::size_t width = extent_.size() * (cue_ ? 2 : 1) + 8 + body_.size();
+        std::size_t width = extent_.size() * (cue_ ? 2 : 1) + 8 + 2 * path_.size() + body_.size();
         for (const Layer &layer : layers_) {
             if (layer.weight.size() != width * layer.bias.size()) file.fail("layers do not fit");
             if (!within(layer.weight, -kGreatest, kGreatest) || !within(layer.bias, -kGreatest, kGreatest)) {
@@ -210,7 +226,7 @@ class Policy {
     std::vector<std::int32_t> beams_;
     std::vector<float> extent_, scales_;
     std::vector<float> reach_, body_; // of a policy of many robots: where its scale of ranges ends, what its robot is
-    std::vector<double> limits_, lidar_, base_, footprint_, motion_;
+    std::vector<double> limits_, lidar_, base_, footprint_, motion_, path_;
     std::vector<Layer> layers_;
     std::optional<adrl::MotionCue> cue_;
 };

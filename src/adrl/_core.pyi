@@ -285,13 +285,16 @@ class PathGuide:
     def __init__(self, world: World, robot: Robot, config: SimConfig, path: F64) -> None: ...
     def follow(self, x_m: float, y_m: float) -> tuple[tuple[float, float], float]:
         """The waypoint (x, y) for a robot at (x_m, y_m), and the metres left to the path's end."""
+    def ahead(self) -> F64:
+        """(P, 2) points of the path PATH_POINTS_M ahead of where the robot was then; new, the path's end beyond it."""
 
 class BatchSim:
     """N robots stepped at once, of several kinds. buffers: arrays owned by the caller, row i for robot i: kind (N) i64
     which of the kinds it is, command (N, 2), active (N) u8, seed (N) u64, params (N, NUM_PARAMS), ranges (N, K) f32,
     K the most beams of a kind, pose (N, 3), odometry (N, 3), twist (N, 2), clearance (N), least_clearance (N),
     waypoint (N, 2), route_left (N), time (N), travelled (N), reached (N) u8, collided (N) u8, at_fault (N) u8,
-    memory (N, MEMORY_SIZE), people (N, MAX_PEOPLE, PERSON_NUMBERS).
+    memory (N, MEMORY_SIZE), people (N, MAX_PEOPLE, PERSON_NUMBERS), and, for those who want it, path_ahead (N, P, 2):
+    points of the path PATH_POINTS_M ahead, all of them the goal for robots that are led to the goal alone.
     A robot's greatest range stands in the columns of ranges beyond its own beams. All that changes is in them: copied
     and put back, they continue to the same bytes."""
     def __init__(
@@ -304,6 +307,8 @@ class BatchSim:
     @property
     def num_threads(self) -> int: ...
     def set_task(self, index: int, task: Task) -> None: ...
+    def set_path(self, index: int, task: Task) -> None:
+        """Another path in a task of the same place and goal; the robot is led along it from its begin, at once."""
     def reset(self, mask: U8) -> None:
         """Put the robots of the mask (N) at their tasks' starts, at rest, and sense."""
     def step(self) -> None:
@@ -432,11 +437,17 @@ class Replanner:
     ) -> None:
         """Commands (v, w) into out (N, 2) along such routes among what is mapped. along (N): how far along each its
         robot has come; 0 for a new one."""
+    def ahead(
+        self, mask: U8, pose: F64, corners: F64, counts: NDArray[np.int32], along: F64, out: F64
+    ) -> None:
+        """Points PATH_POINTS_M ahead along such routes into out (N, P, 2). along as in drive()."""
     def see(self, mask: U8, pose: F64, point: F64, distance_m: float, known: bool, out: U8) -> None:
         """Write into out (N) whether nothing solid is in a robot's way straight to a point (N, 2), for at most
         distance_m of it; known: and all of the line has been seen."""
 
 ROUTE_CORNERS: int
+PATH_POINTS_M: list[float]
+"""How far ahead along a path the points lie that a policy may be told."""
 MAX_CLEARANCE_CELLS: int
 """What inflation_m and comfort_m may sum to, in cells; ValueError beyond it."""
 MAX_DENSITY_WEIGHT: float

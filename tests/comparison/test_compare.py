@@ -61,6 +61,8 @@ class TestConfig:
         assert CompareConfig(methods="sb3-td3,all").method_names == ("sb3-td3", *METHODS)
         assert CompareConfig(eval_guidance="map,goal,map").guidance_names == ("map", "goal")
         assert CompareConfig(guidance="map").guidance_names == ("map",)
+        placed = CompareConfig(guidance="map,goal@clutter", scenario="clutter,complex", robot="any")
+        assert placed.guidance_names == ("map", "goal")
 
     def test_all_methods_share_the_options_of_the_run(self) -> None:
         config = CompareConfig(methods="all", scenario="complex", guidance="map", num_envs=8, learner=BUDGET)

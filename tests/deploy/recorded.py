@@ -11,14 +11,16 @@ from adrl.envs import NavSim
 from adrl.evaluation.supervised import as_odometry, as_scan
 from adrl.observation import EncoderConfig, ObservationEncoder
 from adrl.observation.motion import F32
-from adrl.types import RobotConfig, Task
+from adrl.types import Policy, RobotConfig, Task
 from adrl.worlds import FAMILIES
 
 
-def a_policy(robot: RobotConfig, *, history_steps: int = 0, num_tracks: int = 0) -> MlpPolicy:
-    """The shipped policy of the diffbot for any robot; with motion cues or tracks it heeds them too, at random."""
+def a_policy(
+    robot: RobotConfig, *, history_steps: int = 0, num_tracks: int = 0, path: bool = False
+) -> MlpPolicy:
+    """The shipped policy of the diffbot for any robot; what it is told beside, it heeds at random."""
     shipped = load_policy(resolve_policy("diffbot"))
-    encoder = EncoderConfig(history_steps=history_steps, num_tracks=num_tracks)
+    encoder = EncoderConfig(history_steps=history_steps, num_tracks=num_tracks, path=path)
     layers = list(shipped.layers)
     more = ObservationEncoder(robot, encoder).size - len(layers[0][0])
     if more > 0:
@@ -34,9 +36,9 @@ def a_policy(robot: RobotConfig, *, history_steps: int = 0, num_tracks: int = 0)
     return MlpPolicy(layers, config)
 
 
-def a_policy_of_a_family(*, history_steps: int = 0) -> MlpPolicy:
+def a_policy_of_a_family(*, history_steps: int = 0, path: bool = False) -> MlpPolicy:
     """For any robot of family any, at random."""
-    encoder = EncoderConfig(history_steps=history_steps, body=True, reach_m=10.0)
+    encoder = EncoderConfig(history_steps=history_steps, path=path, body=True, reach_m=10.0)
     rng, size = np.random.default_rng(0), ObservationEncoder(RobotConfig(), encoder).size
     layers = [
         (
@@ -66,7 +68,7 @@ class Moment:
     """(2,) what the policy did in the simulator."""
 
 
-def record(sim: NavSim, policy: MlpPolicy, task: Task, steps: int, seed: int = 0) -> list[Moment]:
+def record(sim: NavSim, policy: Policy, task: Task, steps: int, seed: int = 0) -> list[Moment]:
     """Robot 0 of the simulator on a task, until it ends or for so many steps."""
     sim.reset(np.array([0]), [task], np.array([seed], np.uint64), np.random.default_rng(seed))
     lidar, period_s = sim.robot.lidar, sim.robot.control_period_s

@@ -6,6 +6,7 @@ import numpy as np
 
 from adrl import _core
 from adrl.observation.motion import F32
+from adrl.observation.path_ahead import PathAhead
 from adrl.types import Array, RobotConfig
 from env_tasks import room
 
@@ -21,6 +22,8 @@ class ScanRows:
     past_ranges: F32
     pose: Array
     past_pose: Array
+    path: Array
+    """(N, 2 P)"""
 
 
 def random_rows(robot: RobotConfig, n: int, seed: int) -> ScanRows:
@@ -48,4 +51,5 @@ def random_rows(robot: RobotConfig, n: int, seed: int) -> ScanRows:
         past_ranges=scans(pillars, past_pose),
         pose=pose,
         past_pose=past_pose,
+        path=np.random.default_rng((seed, 1)).normal(0.0, 2.0, (n, PathAhead.size)),
     )

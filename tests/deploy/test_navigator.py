@@ -85,10 +85,21 @@ def test_commands_are_those_of_the_simulator_with_tracks(history_steps: int):
     np.testing.assert_allclose(ours, theirs[: len(ours)], atol=1e-5)
 
 
+@pytest.mark.parametrize("guidance", ["goal", "map", "replan"])
+def test_commands_are_those_of_the_simulator_with_the_path_ahead(guidance: str):
+    (task,) = task_set(get_scenario("complex"), DRIFTING, "test", 1)
+    policy = a_policy(DRIFTING, path=True)
+    ours, theirs, sim = driven(DRIFTING, guidance, task, 0, steps=300, policy=policy)
+    assert len(ours) > 100
+    if sim.replanner is not None:
+        assert sim.replanner.replans[0] > 0
+    np.testing.assert_allclose(ours, theirs[: len(ours)], atol=1e-5)
+
+
 @pytest.mark.parametrize("number", range(6))
 def test_a_policy_of_a_family_commands_each_robot_as_in_the_simulator(number: int):
     robot = FAMILIES["any"].draw("test", number)
-    policy = a_policy_of_a_family(history_steps=2)
+    policy = a_policy_of_a_family(history_steps=2, path=True)
     (task,) = task_set(get_scenario("dynamic"), robot, "test", 1)
     ours, theirs, _ = driven(robot, "map", task, 2, policy=policy)
     assert len(ours) > 5

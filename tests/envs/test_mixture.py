@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+from collections import Counter
 from dataclasses import replace
 from typing import Any
 
@@ -127,6 +128,21 @@ def test_one_of_each_is_an_environment_as_ever() -> None:
 def test_a_kind_brings_its_guidance() -> None:
     kinds = [Kind(robot=ROBOTS["diffbot"], guidance="map"), Kind(robot=ROBOTS["jackal"], guidance="replan")]
     assert NavVectorEnv(1, robot=kinds, task_pool=4).kinds == tuple(kinds)
+
+
+def test_a_guidance_for_a_place_is_drawn_there_alone() -> None:
+    places = [get_scenario(name) for name in ("clutter", "complex")]
+    robots = (ROBOTS["diffbot"],)
+    mixture = Mixture(robots=robots, guidances=("map", "goal@clutter"), scenarios=places)
+    drawn = Counter((kind.guidance, scenario.name) for kind, scenario in map(mixture.entry, range(400)))
+    assert set(drawn) == {("map", "clutter"), ("goal", "clutter"), ("map", "complex")}
+    assert 150 < drawn["map", "complex"] < 250, "places are drawn as often as without"
+    for guidances, message in (
+        (("map", "goal@rooms"), "goal@rooms is for a place that is not trained in; give one of clutter"),
+        (("map@complex",), "no guidance for clutter"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            Mixture(robots=robots, guidances=guidances, scenarios=places)
 
 
 @pytest.mark.slow

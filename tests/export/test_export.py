@@ -55,9 +55,9 @@ def programs() -> Path:
     return build
 
 
-def lines(rows: ScanRows, *, with_motion: bool) -> str:
+def lines(rows: ScanRows, *, with_motion: bool, path: bool = False) -> str:
     """The rows as adrl_act reads them."""
-    parts = [rows.ranges, rows.goal, rows.twist, rows.last_action]
+    parts = [rows.ranges, rows.goal, rows.twist, rows.last_action, *([rows.path] if path else [])]
     if with_motion:
         parts += [rows.past_ranges, rows.pose, rows.past_pose]
     return "\n".join(" ".join(f"{n:.17g}" for n in row) for row in np.concatenate(parts, axis=1))
@@ -69,9 +69,11 @@ def act(programs: Path, file: Path, text: str) -> subprocess.CompletedProcess[st
     )
 
 
-def velocities(programs: Path, file: Path, rows: ScanRows, *, with_motion: bool) -> np.ndarray:
+def velocities(
+    programs: Path, file: Path, rows: ScanRows, *, with_motion: bool, path: bool = False
+) -> np.ndarray:
     """(N, 2) of adrl_act."""
-    done = act(programs, file, lines(rows, with_motion=with_motion))
+    done = act(programs, file, lines(rows, with_motion=with_motion, path=path))
     assert done.returncode == 0, done.stderr
     return np.array([line.split() for line in done.stdout.splitlines()], dtype=np.float64)
 
@@ -93,12 +95,14 @@ def test_the_cpp_example_agrees(programs: Path, tmp_path: Path, name: str, histo
 @pytest.mark.slow
 @pytest.mark.integration
 @pytest.mark.parametrize("history_steps", [0, 3])
+@pytest.mark.parametrize("path", [False, True])
 @pytest.mark.parametrize("number", range(4))
 def test_a_policy_of_a_family_acts_the_same_in_python_onnx_and_cpp(
-    programs: Path, tmp_path: Path, number: int, history_steps: int
+    programs: Path, tmp_path: Path, number: int, history_steps: int, path: bool
 ):
     """Each fills in the body of the robot that it was made for, and takes metres for the same."""
-    robot, policy = FAMILIES["any"].draw("test", number), a_policy_of_a_family(history_steps=history_steps)
+    robot = FAMILIES["any"].draw("test", number)
+    policy = a_policy_of_a_family(history_steps=history_steps, path=path)
     rows = random_rows(robot, 50, seed=number)
     action, velocity = ours(policy, robot, rows)
     assert np.abs(action).max() > 0.1
@@ -108,7 +112,7 @@ def test_a_policy_of_a_family_acts_the_same_in_python_onnx_and_cpp(
     np.testing.assert_allclose(told[1] / scale, velocity / scale, atol=2e-5)
     file = tmp_path / "policy.safetensors"
     file.write_bytes(to_safetensors(policy, robot))
-    theirs = velocities(programs, file, rows, with_motion=history_steps > 0)
+    theirs = velocities(programs, file, rows, with_motion=history_steps > 0, path=path)
     np.testing.assert_allclose(theirs / scale, velocity / scale, atol=2e-5)
 
 

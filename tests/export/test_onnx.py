@@ -43,7 +43,14 @@ def ours(policy: MlpPolicy, robot: RobotConfig, rows: ScanRows):
         history.begin(np.arange(len(rows.goal)), rows.past_ranges, rows.past_pose)
         for _ in range(steps):
             history.add(rows.ranges, rows.pose)
-    seen = encoder.encode(rows.ranges, rows.goal, rows.twist, rows.last_action, history)
+    seen = encoder.encode(
+        rows.ranges,
+        rows.goal,
+        rows.twist,
+        rows.last_action,
+        history,
+        rows.path.reshape(len(rows.goal), -1, 2),
+    )
     action = policy.act(seen)
     return action, to_twist(action, robot)
 
@@ -112,6 +119,21 @@ def test_a_model_with_tracks_drives_as_the_policy_it_was_made_of(history_steps: 
     assert tracked > 100
     with pytest.raises(ConfigError, match="ONNX"):
         to_safetensors(policy)
+
+
+@pytest.mark.parametrize("guidance", ["map", "replan"])
+def test_a_model_with_the_path_ahead_drives_as_the_policy_it_was_made_of(guidance: str, tmp_path: Path):
+    robot = ROBOTS["diffbot"]
+    policy = a_policy(robot, history_steps=2, path=True)
+    (tmp_path / "policy.onnx").write_bytes(to_onnx(policy))
+    model = load_onnx(tmp_path / "policy.onnx")
+    tasks = task_set(get_scenario("complex"), robot, "train", 3)
+    sim = NavSim(3, robot, guidance=guidance, encoder=setup_of(policy).encoder)
+    sim.reset(np.arange(3), tasks, np.arange(3, dtype=np.uint64), np.random.default_rng(0))
+    for _ in range(30):
+        action = policy.act(sim.observe())
+        np.testing.assert_allclose(model.act(model.encoder.encode(*sim.measured())), action, atol=1e-5)
+        sim.step(action)
 
 
 @pytest.mark.parametrize("history_steps", [0, 5])

@@ -33,11 +33,11 @@ class Openness:
         return Mirror(np.arange(2), np.array([1.0, -1.0], np.float32))
 
 
-OPEN = EncoderConfig(history_steps=2, extra_components=(Openness,))
+OPEN = EncoderConfig(history_steps=2, path=True, extra_components=(Openness,))
 
 
 def test_components_stand_side_by_side_and_fill_the_observation() -> None:
-    encoder = ObservationEncoder(RobotConfig(), dataclasses.replace(OPEN, body=True, num_tracks=2))
+    encoder = ObservationEncoder(RobotConfig(), dataclasses.replace(OPEN, body=True, num_tracks=2, path=True))
     assert list(encoder.components) == [*COMPONENTS, "openness"]
     ends = [0]
     for name, component in encoder.components.items():
@@ -49,7 +49,9 @@ def test_components_stand_side_by_side_and_fill_the_observation() -> None:
 def test_a_component_from_outside_leaves_the_others_as_they_are() -> None:
     env = NavVectorEnv(3, scenario="clutter", task_pool=4, encoder=OPEN, seed=1)
     seen, _ = env.reset(seed=1)
-    plain = NavVectorEnv(3, scenario="clutter", task_pool=4, encoder=EncoderConfig(history_steps=2), seed=1)
+    plain = NavVectorEnv(
+        3, scenario="clutter", task_pool=4, encoder=EncoderConfig(history_steps=2, path=True), seed=1
+    )
     np.testing.assert_array_equal(seen[:, :-2], plain.reset(seed=1)[0])
     np.testing.assert_allclose(seen[:, -2], env.sim.b["ranges"].mean(axis=1) / 6.0, rtol=1e-5)
 

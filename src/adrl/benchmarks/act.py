@@ -11,6 +11,7 @@ from adrl.errors import ConfigError
 from adrl.evaluation.supervised import as_odometry, as_scan
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_twist
 from adrl.observation.motion import ScanHistory
+from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.types import GUIDANCE, Task
 from adrl.worlds import get_scenario, robot_from_fields, task_set
 
@@ -39,7 +40,9 @@ def bench_act(policy: MlpPolicy, *, steps: int = 5000) -> dict[str, Any]:
         scan = scans[k % len(scans)]
         if history is not None:
             history.add(scan, pose)
-        seen = encoder.encode(scan, in_robot_frame(pose, goal), twist, action, history)
+        ahead = in_robot_frame(pose, goal)
+        path = np.repeat(ahead[:, None], len(PATH_POINTS_M), axis=1)
+        seen = encoder.encode(scan, ahead, twist, action, history, path)
         action = policy.act(seen)
         twist = to_twist(action, robot)
         if k >= 0:

@@ -19,7 +19,7 @@ from adrl.errors import ConfigError, UnknownName
 from adrl.evaluation.evaluate import EPISODES
 from adrl.evaluation.family import ROBOTS, TASKS
 from adrl.imitation.experts import PERFECT, find_expert
-from adrl.registry import look_up
+from adrl.registry import listed, look_up
 from adrl.runs import RunConfig
 from adrl.simulators import NATIVE
 from adrl.types import GUIDANCE, RobotConfig
@@ -117,10 +117,10 @@ class CompareConfig(RunConfig):
     @property
     def method_names(self) -> tuple[str, ...]:
         """The methods, each once, in the order given."""
-        listed = [name.strip() for name in self.methods.split(",") if name.strip()]
-        if not listed:
+        given = listed(self.methods)
+        if not given:
             raise ConfigError("methods is empty; give names with commas between, or all")
-        return tuple(dict.fromkeys(n for name in listed for n in (METHODS if name == ALL else (name,))))
+        return tuple(dict.fromkeys(n for name in given for n in (METHODS if name == ALL else (name,))))
 
     @property
     def policy_names(self) -> tuple[str, ...]:
@@ -144,8 +144,7 @@ class CompareConfig(RunConfig):
     @property
     def guidance_names(self) -> tuple[str, ...]:
         """Guidance of the evaluations, each once."""
-        listed = (self.eval_guidance or self.resolved_guidance()).split(",")
-        return tuple(dict.fromkeys(name.strip() for name in listed))
+        return listed(self.eval_guidance) if self.eval_guidance else self.guidances
 
     def run(self, method: str, seed: int, out: Path) -> RunConfig:
         """The run of one method and seed. A baseline's is that of td3: the same environment and reward."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from adrl.deploy.guidance import ONE, Guide, Heading, Point, View
 from adrl.errors import ConfigError
+from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.planning.path_guide import LOOKAHEAD_M
 from adrl.planning.replanner import Replanner
 from adrl.types import Array
@@ -104,10 +105,15 @@ class GivenPathGuide(Guide):
             self.replanner.retarget(ONE, goals)
         self._maps, self._round = True, blocked
         waypoint = self.replanner.update(view.ranges, view.reckoned)[0]
+        on_own_route = bool(self.replanner.following[0])
+        told = (
+            self.replanner.path_ahead[0].copy() if on_own_route else self._at(self._along_m + PATH_POINTS_M)
+        )
         most_m = DETOUR * blocked_m + DETOUR_M
-        if blocked and not (self.replanner.following[0] and self.replanner.b["route"][0] <= most_m):
+        if blocked and not (on_own_route and self.replanner.b["route"][0] <= most_m):
             # No way round is known: up to it, and wait.
             waypoint = self._at(np.array([self._along_m + BLIND_PART * LOOKAHEAD_M]))[0]
+            told = np.tile(waypoint, (len(PATH_POINTS_M), 1))
         ahead = self._path[self._lengths_m > self._along_m]
         x, y = waypoint.tolist()
         return Heading(
@@ -115,6 +121,7 @@ class GivenPathGuide(Guide):
             distance_m=self._left_m,
             goal=goal,
             plan=np.vstack([here, *([waypoint] if blocked else []), ahead]),
+            path=told,
         )
 
     def as_shown(self, towards: Array) -> Array:

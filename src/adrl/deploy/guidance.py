@@ -1,5 +1,6 @@
 """Where a robot on its way heads for, by each guidance: the goal itself, or a point on a way that it plans to there."""
 
+import contextlib
 import math
 from dataclasses import dataclass
 
@@ -8,8 +9,10 @@ from numpy.typing import NDArray
 
 from adrl.deploy.messages import Pose
 from adrl.errors import ConfigError, PlanningError
+from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.planning.path_guide import MapGuide
 from adrl.planning.replanner import Replanner
+from adrl.planning.standstill import Standstill
 from adrl.types import Array, RobotConfig, World
 
 F32 = NDArray[np.float32]
@@ -18,6 +21,8 @@ ONE = np.array([0])
 """The only robot, where kernels take many."""
 RELOCALISED_M = 0.5
 """A pose on the map that jumps by so much more than the robot can drive is a new start for the path."""
+HELD_S = 1.0
+"""A robot that was not led for longer was held."""
 OFF_RAD = 0.1
 """A path on the map ends near enough to a goal that has moved by less, seen from the robot: noise of localisation."""
 
@@ -46,6 +51,8 @@ class Heading:
     """Where the goal is taken to be: noise may have moved it into a wall."""
     plan: Array
     """(P, 2) the way that is meant, from the robot on."""
+    path: Array
+    """(Q, 2) points of it, adrl.observation.path_ahead.PATH_POINTS_M ahead: what a policy may be told of it."""
 
 
 class Guide:
@@ -80,7 +87,13 @@ class Guide:
     def head_for(self, view: View, goal: Point) -> Heading:
         """The next waypoint. Raises PlanningError where a map shows no way."""
         distance_m = math.dist(goal, view.place[:2])
-        return Heading(waypoint=goal, distance_m=distance_m, goal=goal, plan=np.array([view.place[:2], goal]))
+        return Heading(
+            waypoint=goal,
+            distance_m=distance_m,
+            goal=goal,
+            plan=np.array([view.place[:2], goal]),
+            path=np.tile(goal, (len(PATH_POINTS_M), 1)),
+        )
 
     def as_shown(self, towards: Array) -> Array:
         """(1, 2) a waypoint in the robot's frame -> the same as the policy is shown it."""
@@ -132,6 +145,7 @@ class OwnMapGuide(Guide):
             distance_m=math.dist(goal, here),
             goal=goal,
             plan=np.array([here, goal] if (x, y) == goal else [here, (x, y), goal]),
+            path=self.replanner.path_ahead[0].copy(),
         )
 
     def as_shown(self, towards: Array) -> Array:
@@ -150,6 +164,7 @@ class KnownMapGuide(Guide):
         self._given: Array | None = None
         self._is_new = False
         self._last: tuple[Pose, float] | None = None
+        self._standstill = Standstill(1)
 
     @property
     def follows_given_path(self) -> bool:
@@ -162,11 +177,20 @@ class KnownMapGuide(Guide):
 
     def head_for(self, view: View, goal: Point) -> Heading:
         """See Guide."""
+        before, held = self._map.path, self._held(view)
         goal = self._route(view, goal)
         self._is_new, self._last = False, (view.place, view.now_s)
         waypoint, left_m = self._map.waypoint(view.place)
+        anew = held or self._map.path is not before
+        stands = not anew and self._stands(view, left_m)
+        if stands:
+            with contextlib.suppress(PlanningError):  # it goes on with the path it has
+                self._map.set_goal(view.place, goal)
+            waypoint, left_m = self._map.waypoint(view.place)
+        if stands or anew:
+            self._standstill.begin(ONE, left_m, view.now_s)
         plan = np.concatenate([[view.place[:2]], self._map.remaining(left_m)])
-        return Heading(waypoint=waypoint, distance_m=left_m, goal=goal, plan=plan)
+        return Heading(waypoint=waypoint, distance_m=left_m, goal=goal, plan=plan, path=self._map.path_ahead)
 
     def _route(self, view: View, goal: Point) -> Point:
         """Have a path to the goal; where it is. Raises PlanningError."""
@@ -187,6 +211,16 @@ class KnownMapGuide(Guide):
                 raise
             return x, y  # noise has moved it into a wall
         return goal
+
+    def _held(self, view: View) -> bool:
+        """Whether the robot was not led for a while: it stood for another reason than its path."""
+        return self._last is not None and view.now_s - self._last[1] > HELD_S
+
+    def _stands(self, view: View, left_m: float) -> bool:
+        """Whether the robot is a car that has not got on for a while on a path of its own: as in NavSim."""
+        if self._given is not None or not self._robot.is_car:
+            return False
+        return bool(self._standstill.update(np.array([left_m]), np.array([view.now_s]))[0])
 
     def _relocalised(self, view: View) -> bool:
         """Whether localisation has found the robot elsewhere than it can have driven to."""

@@ -34,7 +34,7 @@ from adrl.deploy.recovery import WAY_M, Recovery
 from adrl.deploy.scan_reader import ScanReader
 from adrl.deploy.supervisor import CAUTIONS, DEFAULT, Supervisor, SupervisorConfig
 from adrl.errors import ConfigError, PlanningError
-from adrl.observation import Encoder, ObservationEncoder, in_robot_frame, to_action, to_twist
+from adrl.observation import Encoder, ObservationEncoder, in_robot_frame, needs_path, to_action, to_twist
 from adrl.observation.motion import ScanHistory
 from adrl.planning.replanner import Replanner
 from adrl.types import Array, Policy, RobotConfig, World
@@ -115,6 +115,7 @@ class Navigator:
             if isinstance(found.encoder, Encoder)
             else ObservationEncoder(self._as_trained, found.encoder)
         )
+        self._needs_path = needs_path(self._encoder)
         steps = self._encoder.history_steps
         self._history = ScanHistory(1, self.robot.lidar.num_beams, steps) if steps > 0 else None
         self.guide = Guide()
@@ -122,7 +123,9 @@ class Navigator:
         if world is not None:
             self.guide = KnownMapGuide(world, self.robot, goal_tolerance_m)
         elif self.guidance in ("replan", PATH):
-            replanner = Replanner(1, self._as_trained, found.replanner, maturity=found.maturity)
+            replanner = Replanner(
+                1, self._as_trained, found.replanner, maturity=found.maturity, tells_path=True
+            )
             self.guide = (
                 OwnMapGuide(replanner)
                 if self.guidance == "replan"
@@ -258,7 +261,8 @@ class Navigator:
         self._remember(view)
         towards = in_robot_frame(np.array([place]), np.array([heading.waypoint]))
         shown, measured = self.guide.as_shown(towards), np.array([odometry.twist])
-        seen = self._encoder.encode(view.ranges, shown, measured, self._action, self._history)
+        path = [in_robot_frame(np.array([place]), heading.path)[None]] if self._needs_path else []
+        seen = self._encoder.encode(view.ranges, shown, measured, self._action, self._history, *path)
         if not self._begun:
             begin(self.policy, ONE)
         self._begun = True

@@ -19,14 +19,15 @@ from adrl.worlds.robot_files import robot_from_fields
 INPUTS = ("ranges", "goal", "twist", "last_action")
 PAST_INPUTS = ("past_ranges", "pose", "past_pose")
 """Those of a model with motion cues beside these."""
-TRACKS = "tracks"
-"""That of a model with tracks."""
+MORE_INPUTS = ("tracks", "path")
+"""Those of a model with these components."""
 METADATA = ("robot", "encoder", "guidance", "method", "maturity")
 
 
 class _Encoder(TypedDict, total=False):
     history_steps: Annotated[int, Meta(ge=0, le=50)]
     num_tracks: int
+    path: bool
     near_m: float
     reach_m: float | None
     body: bool
@@ -43,7 +44,9 @@ class OnnxPolicy:
         self._session = session
         inputs = tuple(spec.name for spec in session.get_inputs())
         about = session.get_modelmeta().custom_metadata_map
-        if not ({*INPUTS} <= {*inputs} <= {*INPUTS, *PAST_INPUTS, TRACKS} and about.keys() >= {*METADATA}):
+        if not (
+            {*INPUTS} <= {*inputs} <= {*INPUTS, *PAST_INPUTS, *MORE_INPUTS} and about.keys() >= {*METADATA}
+        ):
             raise CheckpointError(
                 f"{name}: not a model of adrl export --onnx (inputs {', '.join(inputs)}); give a policy of your own as "
                 "module:object, see docs/guide/policy.md"
@@ -55,7 +58,7 @@ class OnnxPolicy:
             self.told_of_body = encoder.pop("body", False)
             config = EncoderConfig(**encoder)
             tracks = Tracks([self.robot], config) if config.num_tracks > 0 else None
-            self.encoder = Measurements(config.history_steps, tracks)
+            self.encoder = Measurements(config.history_steps, tracks, needs_path=config.path)
             self.replanner = ReplannerConfig(**parse_json(about.get("replanner", "{}"), dict[str, Any]))
             self.maturity = parse_json(about["maturity"], float)
             self.stop_within_m = float(about.get("stop_within_m", "inf"))

@@ -45,6 +45,8 @@ class KindRows:
     """They know the map, and so where they are."""
     led: Mask
     """The replanner leads them."""
+    car: Mask
+    """They cannot turn on the spot."""
 
     @classmethod
     def of(cls, kinds: Sequence[Kind], *, plans_itself: bool) -> Self:
@@ -55,11 +57,16 @@ class KindRows:
             known=RobotRows.of([kind.known_as for kind in kinds]),
             on_map=guidance == "map",
             led=(guidance == "replan") & (not plans_itself),
+            car=np.array([kind.robot.is_car for kind in kinds]),
         )
 
     def __getitem__(self, rows: Any) -> Self:
         return type(self)(
-            robot=self.robot[rows], known=self.known[rows], on_map=self.on_map[rows], led=self.led[rows]
+            robot=self.robot[rows],
+            known=self.known[rows],
+            on_map=self.on_map[rows],
+            led=self.led[rows],
+            car=self.car[rows],
         )
 
 

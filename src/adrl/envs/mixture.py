@@ -13,6 +13,7 @@ from adrl.envs.kinds import Kind
 from adrl.errors import ConfigError, TaskError
 from adrl.types import RobotConfig, Scenario, Task
 from adrl.worlds import task_set
+from adrl.worlds.place import split_guidance
 
 LOG = logging.getLogger("adrl.envs")
 MOST_TRIES = 32
@@ -26,12 +27,22 @@ class Mixture:
     robots: Sequence[RobotConfig | Kind]
     """Taken in turn: as many tasks for each. A Kind brings its guidance, a robot alone is given one of guidances."""
     guidances: Sequence[str]
+    """NAME, or NAME@PLACE for a guidance that is drawn in one of the scenarios alone."""
     scenarios: Sequence[Scenario]
 
     def __post_init__(self) -> None:
         for what, things in vars(self).items():
             if not things:
                 raise ConfigError(f"there are no {what} to draw tasks of; give one or more")
+        places = [scenario.name for scenario in self.scenarios]
+        for name, place in map(split_guidance, self.guidances):
+            if place and place not in places:
+                raise ConfigError(
+                    f"guidance {name}@{place} is for a place that is not trained in; give one of {', '.join(places)}"
+                )
+        for place in places:
+            if not any(own in ("", place) for _, own in map(split_guidance, self.guidances)):
+                raise ConfigError(f"there is no guidance for {place}; give one without a place, or for it")
 
     def entry(self, number: int) -> tuple[Kind, Scenario]:
         """Whose task `number` is, and where: the same for ever, whatever the pool's size."""
@@ -44,6 +55,9 @@ class Mixture:
             rng = np.random.default_rng((number, crc32(b"mixture")))
             guidance = self.guidances[int(rng.integers(len(self.guidances)))]
             scenario = self.scenarios[int(rng.integers(len(self.scenarios)))]
+            while split_guidance(guidance)[1] not in ("", scenario.name):
+                guidance = self.guidances[int(rng.integers(len(self.guidances)))]
+        guidance, _ = split_guidance(guidance)
         return robot if isinstance(robot, Kind) else Kind(robot=robot, guidance=guidance), scenario
 
 

@@ -15,13 +15,16 @@ from adrl import _core
 from adrl.envs.kinds import Kind, KindRows, agreed, chosen
 from adrl.envs.randomization import NOMINAL, Randomization, draw_params
 from adrl.envs.steps import Outcome, Steps
-from adrl.errors import ConfigError
+from adrl.errors import ConfigError, PlanningError
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action, to_twist
 from adrl.observation.motion import ScanHistory
+from adrl.observation.path_ahead import PATH_POINTS_M
+from adrl.planning.global_planner import plan
 from adrl.planning.local_control import CONTROLLERS, DWA, LocalControl
 from adrl.planning.path_guide import sim_config
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
+from adrl.planning.standstill import Standstill
 from adrl.registry import look_up
 from adrl.rewards import RewardConfig
 from adrl.rewards.step import reference_period_s
@@ -87,6 +90,8 @@ class NavSim:
         self._randomization = randomization
         num_beams = max(kind.robot.lidar.num_beams for kind in self.kinds)
         self.b = _buffers(num_envs, num_beams)
+        if self.encoder.needs_path:
+            self.b["path_ahead"] = np.zeros((num_envs, len(PATH_POINTS_M), 2))
         self._table = KindRows.of(self.kinds, plans_itself=plans_itself)
         self.rows = self._table[self.b["kind"]]
         """What each row is at present."""
@@ -105,10 +110,15 @@ class NavSim:
                 maturity=maturity,
                 num_threads=self.native.num_threads,
                 kind=self.b["kind"],
+                tells_path=self.encoder.needs_path,
             )
         self.tasks: list[Task | None] = [None] * num_envs
         self._time_limit_s = np.full(num_envs, np.inf)
         self._last_action = np.zeros((num_envs, 2), dtype=np.float32)
+        self._has_cars_on_map = bool((self._table.car & self._table.on_map).any())
+        self._standstill = Standstill(num_envs)
+        self._path_from = np.full((num_envs, 3), np.inf)
+        """(N, 3) poses from which cars have got another path than their task's; infinite where they have that."""
         self._steps = Steps(self, self._table, self.reward)
         steps = self.encoder.history_steps
         self._history = ScanHistory(num_envs, num_beams, steps) if steps > 0 else None
@@ -183,11 +193,16 @@ class NavSim:
             goals = np.array([task.goal for task in tasks]).reshape(-1, 2)
             self.replanner.reset(indices, goals, self.b["odometry"][indices])
             self._replan(mask.astype(bool))
+        self._standstill.begin(indices, self.b["route_left"][indices], 0.0)
+        self._path_from[indices] = np.inf
         self._steps.begin(indices)
 
     def set_task(self, i: int, task: Task) -> None:
         """Another world or goal for robot i, which goes on from where it is; reset() begins the task."""
         self.tasks[i] = task
+        if np.isfinite(self._path_from[i]).all():
+            self._path_from[i] = np.inf
+            self.b["memory"][i, 0] = 0.0
         self.native.set_task(i, task.native)
         self._time_limit_s[i] = task.time_limit_s
 
@@ -206,8 +221,9 @@ class NavSim:
         """(N, D) observations, a new array; of the robots `rows` (M,) alone, (M, D)."""
         return self.encoder.encode(*self.measured(rows), kind=self.b["kind"][rows])
 
-    def measured(self, rows: Rows = ALL) -> tuple[F32, Array, Array, F32, ScanHistory | None]:
-        """What an encoder takes: ranges, goal in the robot's frame, twist, last action, and the scans' history."""
+    def measured(self, rows: Rows = ALL) -> tuple[Any, ...]:
+        """What an encoder takes: ranges, goal in the robot's frame, twist, last action, the scans' history, and for one
+        that needs it the path."""
         b = self.b
         # A known map comes with localisation; mapless robots only have their odometry.
         pose = chosen(self._on_map, self.rows.on_map[rows], b["pose"][rows], b["odometry"][rows])
@@ -217,7 +233,10 @@ class NavSim:
         history = self._history
         if history is not None and not isinstance(rows, slice):
             history = history.of(rows)
-        return self._ranges(rows), goal, b["twist"][rows], self._last_action[rows], history
+        measured = self._ranges(rows), goal, b["twist"][rows], self._last_action[rows], history
+        if not self.encoder.needs_path:
+            return measured
+        return *measured, in_robot_frame(pose[:, None], b["path_ahead"][rows])
 
     def step(self, actions: F32) -> Outcome:
         """Execute (N, 2) normalised actions for one control period on every active robot."""
@@ -235,8 +254,38 @@ class NavSim:
         outcome, step = self._steps.outcome(before, self._time_limit_s)
         if self.replanner is not None:
             self._replan(b["active"].astype(bool))
-        self._steps.see(step, waypoints_moved=self.replanner is not None)
+        again = self._cars_that_stand(outcome) if self._has_cars_on_map else ()
+        for i in again:
+            self._plan_again(int(i))
+        self._steps.see(step, waypoints_moved=self.replanner is not None or len(again) > 0)
         return outcome
+
+    def _cars_that_stand(self, outcome: Outcome) -> NDArray[np.intp]:
+        """(M,) rows of cars on a map that have not got on for a while; see Standstill."""
+        b, rows = self.b, self.rows
+        lasts = self._standstill.update(b["route_left"], b["time"])
+        over = outcome.reached | outcome.collided | outcome.timed_out
+        return np.flatnonzero(lasts & rows.car & rows.on_map & b["active"].astype(bool) & ~over)
+
+    def _plan_again(self, i: int) -> None:
+        """A path from where car i stands. Where there is none, it goes on with the one it has."""
+        b = self.b
+        try:
+            self.native.set_path(i, self._from(i, b["pose"][i]).native)
+            self._path_from[i] = b["pose"][i]
+        except PlanningError:
+            pass
+        self._standstill.begin(np.array([i]), b["route_left"][i], b["time"][i])
+
+    def _from(self, i: int, pose: Array) -> Task:
+        """Robot i's task with a path from a pose. Raises PlanningError."""
+        task = self.tasks[i]
+        assert task is not None
+        x, y, yaw = pose.tolist()
+        path = plan(
+            task.world.without_discs, (x, y, yaw), task.goal, self.kinds[int(self.b["kind"][i])].robot
+        )
+        return dataclasses.replace(task, path=path)
 
     def people(self, row: int) -> Array:
         """(P, 3) x, y and radius of the people about a robot, now."""
@@ -297,7 +346,9 @@ class NavSim:
             "last_action": self._last_action,
             **self._steps.state(),
             "time_limit_s": self._time_limit_s,
+            "path_from": self._path_from,
         }
+        own |= {f"standstill.{name}": array for name, array in self._standstill.b.items()}
         own |= {f"expert.{name}": array for name, array in self.expert.b.items()}
         if self._history is not None:
             own |= self._history.arrays
@@ -326,10 +377,16 @@ class NavSim:
                 name.removeprefix(prefix): array for name, array in state.items() if name.startswith(prefix)
             }
             self.replanner.set_state(own)
+        self._path_from[:] = state.get("path_from", np.inf)  # states of before know no other path
+        for name, array in self._standstill.b.items():
+            array[:] = state.get(f"standstill.{name}", array)
         for i, task in enumerate(tasks):
             self.tasks[i] = task
-            if task is not None:
-                self.native.set_task(i, task.native)
+            if task is None:
+                continue
+            self.native.set_task(i, task.native)
+            if np.isfinite(self._path_from[i]).all():
+                self.native.set_task(i, self._from(i, self._path_from[i]).native)
 
     def _only(self, what: str, found: Mapping[Any, None]) -> Any:
         if len(found) > 1:
@@ -346,6 +403,8 @@ class NavSim:
         led = self.rows.led
         waypoints = self.replanner.update(self._ranges(), self.b["odometry"], active & led)
         self.b["waypoint"][led] = waypoints[led]
+        if self.encoder.needs_path:
+            self.b["path_ahead"][led] = self.replanner.path_ahead[led]
 
     def _ranges(self, rows: Rows = ALL) -> F32:
         """(N, K) metres, by a LiDAR of the reach that the policy knows; beyond the robot's own all is free."""

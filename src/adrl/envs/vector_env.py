@@ -82,8 +82,8 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
 
         scenario, robot, guidance: several make a mixture. Task i is driven by the robots in turn, and which guidance
         and which scenario it has is drawn by its number, so that rows become other robots from episode to episode; see
-        Mixture. A family of robots gives each task a robot of its own, of the same split. A Kind is a robot that
-        brings its guidance.
+        Mixture. A guidance NAME@PLACE is drawn in that scenario alone. A family of robots gives each task a robot of
+        its own, of the same split. A Kind is a robot that brings its guidance.
         robot, encoder: also as their fields, as JSON gives them.
         randomize: False for the nominal robot, True for mild variation, or a Randomization.
         replanner: constants of guidance `replan`.

@@ -13,7 +13,7 @@ from adrl.envs.steps import Outcome
 from adrl.errors import ConfigError, TaskError
 from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.social import Company
-from adrl.observation import Encoder, EncoderConfig
+from adrl.observation import Encoder, EncoderConfig, needs_path
 from adrl.rewards import RewardConfig, reward
 from adrl.rewards.step import step_discounts
 from adrl.types import Array, Policy, RobotConfig, Task
@@ -195,7 +195,11 @@ def _settings(given: Setting | RobotConfig | Sequence[Setting], encoder: Encoder
         return settings
     if len(settings) > 1:
         raise ConfigError("a policy with an encoder of its own drives one robot at a time; give one setting")
-    return [replace(settings[0], encoder=EncoderConfig(history_steps=encoder.history_steps))]
+    return [
+        replace(
+            settings[0], encoder=EncoderConfig(history_steps=encoder.history_steps, path=needs_path(encoder))
+        )
+    ]
 
 
 def _drive(

@@ -15,6 +15,7 @@ from adrl.observation import ObservationEncoder
 from adrl.observation.body import Body
 from adrl.observation.goal import FAR_M
 from adrl.observation.motion import CueSettings, cue_settings
+from adrl.observation.path_ahead import PathAhead
 from adrl.types import LidarConfig, RobotConfig
 
 OPSET = 18
@@ -68,10 +69,12 @@ def to_onnx(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes:
     as its reach; goal (N, 2) metres, in the robot's frame; twist (N, 2) measured speed and yaw rate; last_action
     (N, 2). With motion cues also past_ranges (N, K) of history_steps control periods ago, and, float64, pose and
     past_pose (N, 3) by odometry. With tracks also tracks (N, 5 num_tracks), the numbers of adrl.observation.tracks.
+    With the path also path (N, 12) metres, in the robot's frame: the points of adrl.observation.path_ahead, x before y.
 
     Outputs: action (N, 2) in [-1, 1] and velocity (N, 2), m/s and rad/s. Both are NaN for a robot of which any input is
     NaN, or any but a range is infinite or beyond GREATEST: stop it. Nodes are named by their part: inputs, sectors,
-    goal, twist, motion, body, network, outputs. Metadata: robot, encoder, guidance, method, maturity, version, as JSON.
+    goal, twist, motion, path, body, network, outputs. Metadata: robot, encoder, guidance, method, maturity, version, as
+    JSON.
 
     Raises MissingExtra without onnx, CheckpointError, ConfigError for a robot that is missing or another one.
     """
@@ -87,6 +90,8 @@ def to_onnx(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes:
     widths = {"goal": 2, "twist": 2, "last_action": 2}
     if "tracks" in encoder.components:
         widths["tracks"] = encoder.components["tracks"].size
+    if encoder.needs_path:
+        widths["path"] = PathAhead.size
     given = _inputs(graph, robot.lidar, widths, with_motion=with_motion)
     fastest = [robot.max_speed_mps, robot.max_yaw_rate_radps]
     parts = [
@@ -100,6 +105,8 @@ def to_onnx(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes:
         parts.append(_motion(graph, cue, given))
     if "tracks" in widths:
         parts.append(given["tracks"])
+    if "path" in widths:
+        parts.append(_path(graph, given["path"], setup.encoder.goal_scale_m))
     if setup.encoder.body:
         parts.append(_body(graph, encoder, given["goal"]))
     action = _network(graph, policy, parts)
@@ -217,6 +224,16 @@ def _goal(graph: Graph, goal: str, scale_m: float) -> str:
     near = graph.op("Div", distance, graph.op("Add", distance, graph.constant(scale_m)))
     far = graph.op("Min", graph.op("Mul", distance, graph.constant(1.0 / FAR_M)), graph.constant(1.0))
     return graph.op("Concat", direction, near, far, axis=1)
+
+
+def _path(graph: Graph, path: str, scale_m: float) -> str:
+    """(N, 2 P) the vectors to points, shortened; see PathAhead."""
+    graph.part = "path"
+    points = graph.op("Reshape", path, graph.constant([-1, PathAhead.size // 2, 2], np.int64))
+    # A sum by a matrix: what prepares models for quantisation cannot tell the shape of ReduceSum.
+    square = graph.op("MatMul", graph.op("Mul", points, points), graph.constant([[1.0, 1.0], [1.0, 1.0]]))
+    away = graph.op("Add", graph.op("Sqrt", square), graph.constant(scale_m))
+    return graph.op("Reshape", graph.op("Div", points, away), graph.constant([-1, PathAhead.size], np.int64))
 
 
 def _twist(graph: Graph, twist: str, fastest: list[float]) -> str:

@@ -12,6 +12,7 @@ from adrl.export.onnx_graph import metadata
 from adrl.observation import ObservationEncoder
 from adrl.observation.body import Body
 from adrl.observation.motion import cue_settings
+from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.types import RobotConfig
 
 
@@ -26,7 +27,8 @@ def to_safetensors(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes
     angle_increment, mount x, y, yaw, greatest range; base, float64: control period, greatest acceleration and yaw
     acceleration, lag, latency; footprint, float64: radius (1,), or corners (C, 2); with motion cues motion, float64:
     steps, margin, scale. Where the scan's scale is the same for all robots, encoder.scales has that greatest range for
-    its third number, and encoder.reach is it; where the policy is told of the body, encoder.body is that.
+    its third number, and encoder.reach is it; where the policy is told of the body, encoder.body is that. Where it is
+    told the path, encoder.path, float64, is how far ahead its points lie.
     """
     setup = setup_of(policy)
     if setup.encoder.num_tracks > 0:
@@ -57,6 +59,8 @@ def to_safetensors(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes
         tensors["motion"] = np.array([config.history_steps, cue.margin_m, cue.scale_m], np.float64)
     if config.reach_m is not None:
         tensors["encoder.reach"] = np.array([config.reach_m], np.float32)
+    if config.path:
+        tensors["encoder.path"] = PATH_POINTS_M
     if config.body:
         body = encoder.components["body"]
         assert isinstance(body, Body)

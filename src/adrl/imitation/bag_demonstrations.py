@@ -16,6 +16,7 @@ from adrl.imitation.bag_recording import BagTopics, Recording, read_recording
 from adrl.imitation.demonstrations import Demonstrations
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action
 from adrl.observation.motion import ScanHistory
+from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.rewards import RewardConfig, Step, features, terms
 from adrl.rewards.terms import STAGNATION_WINDOW
 from adrl.types import Array, RobotConfig
@@ -178,7 +179,8 @@ def _demonstrations(
     pose, ranges, twist = recording.pose[states], recording.ranges[states], recording.twist[states]
     goal = in_robot_frame(pose, drive.goal)
     code = ObservationEncoder(robot, encoder)
-    seen = code.encode(ranges, goal, twist, told, _history(ranges, pose, code.history_steps))
+    path = np.repeat(goal[:, None], len(PATH_POINTS_M), axis=1)
+    seen = code.encode(ranges, goal, twist, told, _history(ranges, pose, code.history_steps), path)
     ended = np.arange(first, last) == last - 1
     reached = ended & drive.reached
     distance, heading = np.hypot(*goal.T), np.arctan2(goal[:, 1], goal[:, 0])

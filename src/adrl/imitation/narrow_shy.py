@@ -21,7 +21,16 @@ if TYPE_CHECKING:
 
 NEAR_M = 0.3
 """Where so much of a way that does not reach the goal is left, the robot has come as far as it dares."""
-WRITTEN = ("memory", "waypoint", "route_left", "reached", "collided", "clearance", "least_clearance")
+WRITTEN = (
+    "memory",
+    "waypoint",
+    "route_left",
+    "reached",
+    "collided",
+    "clearance",
+    "least_clearance",
+    "path_ahead",
+)
 """Arrays of the simulator in which following a path leaves what it knows."""
 
 
@@ -48,7 +57,7 @@ class ShyPaths:
                 f"{width_m:g} m anyway; give narrow-shy:NUMBER with more"
             )
         self._env, self._width_m = env, width_m
-        self._b = sim.b | {name: sim.b[name].copy() for name in WRITTEN}
+        self._b = sim.b | {name: sim.b[name].copy() for name in WRITTEN if name in sim.b}
         # A way round an obstacle, half the width off it, is longer than this: the point to head for is never seen
         # through a gap that the way goes round. MPPI's samples would cut through one all the same.
         config = near_config("pursuit" if env.expert == "mppi" else env.expert, robot, width_m)

@@ -6,7 +6,7 @@ from adrl.observation.component import Component, Mirror, Senses
 from adrl.observation.config import EncoderConfig
 from adrl.observation.decoder import Decoded, ObservationDecoder
 from adrl.observation.encoder import COMPONENTS, ObservationEncoder
-from adrl.observation.measurements import Encoder, Measured, Measurements
+from adrl.observation.measurements import Encoder, Measured, Measurements, needs_path
 from adrl.observation.scan import footprint_extent
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "Senses",
     "footprint_extent",
     "in_robot_frame",
+    "needs_path",
     "to_action",
     "to_twist",
 ]

@@ -30,6 +30,8 @@ class Senses:
     """(N, 2) in [-1, 1]."""
     history: "ScanHistory | None" = None
     """Of the scans, its newest being ranges; None where no component needs it."""
+    path: Array | None = None
+    """(N, P, 2) metres, in the robot's frame: points of the path ahead; None where no component needs it."""
     kind: NDArray[np.intp] = field(kw_only=True)
     """(N,) which of the encoder's robots each row is, by its number: all 0 for an encoder of one."""
 
@@ -42,6 +44,7 @@ class Senses:
             self.twist[rows],
             self.last_action[rows],
             history,
+            None if self.path is None else self.path[rows],
             kind=np.zeros(len(rows), np.intp),
         )
 

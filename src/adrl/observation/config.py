@@ -34,6 +34,8 @@ class EncoderConfig:
     num_tracks: Annotated[int, Range(0, 32)] = 0
     """Also tell place, velocity and age of so many things that move, the nearest ones (see tracks), 0 to 32; 0 for
     none."""
+    path: bool = False
+    """Also tell six points of the path, up to 3 m ahead (see path_ahead): where the way to the waypoint goes on to."""
     body: bool = False
     """Also tell what the robot's body is (see body): for a policy of many robots."""
     reach_m: Annotated[float, Range(0.05, 1000.0)] | None = None
@@ -53,8 +55,13 @@ class EncoderConfig:
         check_ranges(self, "encoder.")
 
     def has(self, component: str) -> bool:
-        """Whether an observation has this built-in component: motion cues, tracks and the body are asked for."""
-        asked = {"motion": self.history_steps > 0, "tracks": self.num_tracks > 0, "body": self.body}
+        """Whether an observation has this built-in component; motion cues, tracks, path and body are asked for."""
+        asked = {
+            "motion": self.history_steps > 0,
+            "tracks": self.num_tracks > 0,
+            "path": self.path,
+            "body": self.body,
+        }
         return asked.get(component, True)
 
     @property
@@ -73,6 +80,7 @@ class EncoderConfig:
         names = [part if isinstance(part, str) else part.name for part in self.extra_components]
         later = {
             "num_tracks": self.num_tracks,
+            "path": self.path,
             "body": self.body,
             "reach_m": self.reach_m,
             "extra_components": names,

@@ -28,6 +28,8 @@ class Decoded:
     """(N, 2) the action before, in [-1, 1]."""
     motion: Array
     """(N, S) metres by which something has come, negative, or gone; (N, 0) without motion cues."""
+    path: Array
+    """(N, P, 2) m: points of the path ahead; (N, 0, 2) where the policy is not told of it."""
 
 
 class ObservationDecoder:
@@ -57,10 +59,13 @@ class ObservationDecoder:
             config.goal_scale_m * near / np.maximum(1.0 - near, np.finfo(np.float32).eps),
         )
         cue_m = cue_settings(robot, config.num_sectors, config.history_steps).scale_m
+        path = told.get("path", np.empty((len(observation), 0))).reshape(len(observation), -1, 2)
+        length = np.hypot(path[..., 0], path[..., 1])[..., None]
         return Decoded(
             ranges=config.near_m * np.expm1(told["scan"] * reach) + self._encoder.extent_m,
             goal=direction * distance[:, None],
             twist=told["twist"] * [robot.max_speed_mps, robot.max_yaw_rate_radps],
             last_action=told["last_action"],
+            path=path * config.goal_scale_m / np.maximum(1.0 - length, np.finfo(np.float32).eps),
             motion=told.get("motion", np.empty((len(observation), 0))) * cue_m,
         )

@@ -12,6 +12,7 @@ from adrl.observation.config import EncoderConfig
 from adrl.observation.goal import Goal
 from adrl.observation.last_action import LastAction
 from adrl.observation.motion import MotionCues, ScanHistory
+from adrl.observation.path_ahead import PathAhead
 from adrl.observation.scan import Scan
 from adrl.observation.tracks import Tracks
 from adrl.observation.twist import Twist
@@ -25,6 +26,7 @@ COMPONENTS: dict[str, Callable[[Sequence[RobotConfig], EncoderConfig], Component
     "last_action": LastAction,
     "motion": MotionCues,
     "tracks": Tracks,
+    "path": PathAhead,
     "body": Body,
 }
 """The built-in components, in the order in which an observation has them; see EncoderConfig.has.
@@ -37,8 +39,8 @@ class ObservationEncoder:
     """(N, K) ranges, goals, twists and last actions -> (N, D) float32, the components side by side.
 
     Of one robot, or of several, of which each row is one: its kind. D = num_sectors + 8; motion cues are num_sectors
-    more, tracks 5 num_tracks, and with either encode() takes the ScanHistory of the robots. The body and extra
-    components come on top.
+    more, tracks 5 num_tracks, and with either encode() takes the ScanHistory of the robots; points of the path are 12
+    more, and it takes them. The body and extra components come on top.
     """
 
     def __init__(
@@ -82,6 +84,11 @@ class ObservationEncoder:
         return self.config.past_steps
 
     @property
+    def needs_path(self) -> bool:
+        """Whether encode() takes points of the path."""
+        return self.config.path
+
+    @property
     def extent_m(self) -> F32:
         """(S,) distance from the only robot's LiDAR to its footprint's edge, in the middle of each sector."""
         (extent_m,) = self.scan.extent_m
@@ -117,6 +124,8 @@ class ObservationEncoder:
         twist: Array,
         last_action: F32,
         history: ScanHistory | None = None,
+        path: Array | None = None,
+        *,
         kind: NDArray[np.intp] | None = None,
     ) -> F32:
         """(N, D) of N robots; arguments as in Senses. Raises ValueError without kinds where there are several."""
@@ -126,7 +135,7 @@ class ObservationEncoder:
                     f"this encoder is of {len(self.robots)} robots; say which of them each row is"
                 )
             kind = np.zeros(len(ranges), np.intp)
-        senses = Senses(ranges, goal, twist, last_action, history, kind=kind)
+        senses = Senses(ranges, goal, twist, last_action, history, path, kind=kind)
         out = np.empty((len(ranges), self.size), dtype=np.float32)
         for name, component in self.components.items():
             component.write(senses, out[:, self.places[name]])

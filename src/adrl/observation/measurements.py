@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from adrl.observation.component import Senses
 from adrl.observation.config import FOLLOWED_STEPS
 from adrl.observation.motion import ScanHistory
+from adrl.observation.path_ahead import PathAhead
 from adrl.observation.tracks import Tracks
 from adrl.types import Array
 
@@ -29,9 +30,16 @@ class Encoder(Protocol):
         """(N, D) observations of N robots.
 
         ranges (N, K) metres; goal (N, 2) metres, in the robot's frame: the point that the guidance gives; twist (N, 2)
-        m/s and rad/s; last_action (N, 2) in [-1, 1]; history of the scans where history_steps asks for one.
+        m/s and rad/s; last_action (N, 2) in [-1, 1]; history of the scans where history_steps asks for one. An encoder
+        with an attribute needs_path that is true is given `path` after these, (N, P, 2) metres in the robot's frame:
+        the points of adrl.observation.path_ahead.
         """
         ...
+
+
+def needs_path(encoder: Encoder) -> bool:
+    """Whether an encoder takes points of the path, `path`, after the history: its attribute needs_path, if any."""
+    return bool(getattr(encoder, "needs_path", False))
 
 
 class Measured(NamedTuple):
@@ -47,6 +55,8 @@ class Measured(NamedTuple):
     """(N, 2) in [-1, 1]"""
     tracks: NDArray[np.floating]
     """(N, 5 T) as adrl.observation.tracks has them; (N, 0) without"""
+    path: NDArray[np.floating]
+    """(N, 2 P) m, in the robot's frame: the points of adrl.observation.path_ahead; (N, 0) without"""
     past_ranges: NDArray[np.floating]
     """(N, K) m, of past_steps control periods ago; (N, 0) without"""
     pose: NDArray[np.floating]
@@ -62,21 +72,33 @@ class Measurements:
     told as an ObservationEncoder tells them.
     """
 
-    def __init__(self, past_steps: int = 0, tracks: Tracks | None = None) -> None:
-        self._past_steps, self._tracks = past_steps, tracks
+    def __init__(
+        self, past_steps: int = 0, tracks: Tracks | None = None, *, needs_path: bool = False
+    ) -> None:
+        self._past_steps, self._tracks, self.needs_path = past_steps, tracks, needs_path
         self.history_steps = max(past_steps, FOLLOWED_STEPS if tracks is not None else 0)
 
     def encode(
-        self, ranges: F32, goal: Array, twist: Array, last_action: F32, history: ScanHistory | None = None
+        self,
+        ranges: F32,
+        goal: Array,
+        twist: Array,
+        last_action: F32,
+        history: ScanHistory | None = None,
+        path: Array | None = None,
     ) -> NDArray[np.floating]:
-        """(N, K + 6) float32, and tracks; (N, 2 K + 12) float64 with a past scan. split() takes it apart. Raises
-        ValueError without the history that history_steps asks for."""
+        """(N, K + 6) float32, tracks and path; (N, 2 K + 12) float64 with a past scan. split() takes it apart. Raises
+        ValueError without the history that history_steps asks for, and without a path that is needed."""
         parts = [ranges, goal, twist, last_action]
         if self._tracks is not None:
             told = np.empty((len(ranges), self._tracks.size), np.float32)
             kind = np.zeros(len(ranges), np.intp)
             self._tracks.write(Senses(ranges, goal, twist, last_action, history, kind=kind), told)
             parts.append(told)
+        if self.needs_path:
+            if path is None:
+                raise ValueError("measurements with points of the path need them; give path")
+            parts.append(path.reshape(len(path), -1))
         if self._past_steps == 0:
             return np.concatenate(parts, axis=1, dtype=np.float32)
         if history is None:
@@ -88,6 +110,7 @@ class Measurements:
         """The columns of (N, D) observations."""
         tracks = self._tracks.size if self._tracks is not None else 0
         scans, poses = (2, 3) if self._past_steps > 0 else (1, 0)
-        beams = (observation.shape[1] - 6 - tracks - 2 * poses) // scans
-        sizes = (beams, 2, 2, 2, tracks, beams * (scans - 1), poses, poses)
+        path = PathAhead.size if self.needs_path else 0
+        beams = (observation.shape[1] - 6 - tracks - path - 2 * poses) // scans
+        sizes = (beams, 2, 2, 2, tracks, path, beams * (scans - 1), poses, poses)
         return Measured(*np.split(observation, np.cumsum(sizes)[:-1], axis=1))

@@ -49,6 +49,12 @@ class MapGuide:
         assert self._native is not None
         return self._native.follow(pose[0], pose[1])
 
+    @property
+    def path_ahead(self) -> Array:
+        """(P, 2) points of the path ahead of where the robot was when it was last led."""
+        assert self._native is not None
+        return self._native.ahead()
+
     def remaining(self, left_m: float) -> Array:
         """(Q, 2) the corners on the last left_m metres of the path."""
         steps = np.hypot(*np.diff(self.path, axis=0).T)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from adrl import _core
 from adrl.observation import footprint_extent
+from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.planning.global_planner import inscribed_radius_m
 from adrl.planning.path_guide import LOOKAHEAD_M
 from adrl.planning.replanner_config import ReplannerConfig
@@ -104,8 +105,12 @@ class Replanner:
         maturity: float = 0.0,
         num_threads: int = 1,
         kind: NDArray[np.intp] | None = None,
+        tells_path: bool = False,
     ) -> None:
-        """maturity: S of the policy (eq 20). num_threads: 0 takes one per core. robot, kind: as in LocalControl."""
+        """maturity: S of the policy (eq 20). num_threads: 0 takes one per core. robot, kind: as in LocalControl.
+
+        tells_path: keep path_ahead.
+        """
         self.config = config or ReplannerConfig()
         robots = (robot,) if isinstance(robot, RobotConfig) else tuple(robot)
         self.maturity = maturity
@@ -116,6 +121,8 @@ class Replanner:
         self._intervals = np.array([self.config.steps(self.config.replan_interval_s, one) for one in robots])
         self._extents = _extents(robots)
         self.b = _buffers(num_robots, self._windows.max() + 1, self.config.cells)
+        if tells_path:
+            self.b |= _path_buffers(num_robots)
         setups = [_setup(self.config, one) for one in robots]
         self.native = _core.Replanner(num_robots, num_threads, setups, self.b | {"kind": self.kind})
 
@@ -138,6 +145,12 @@ class Replanner:
     def beyond_m(self) -> Array:
         """(N,) metres of route from the waypoint to the goal; 0 for a robot that heads for the goal itself."""
         return self.b["beyond"]
+
+    @property
+    def path_ahead(self) -> Array:
+        """(N, P, 2) points of each robot's way PATH_POINTS_M ahead of where it was at the last update: of its route, or
+        of the straight line to the goal. Of a Replanner that tells the path."""
+        return self.b["path_ahead"]
 
     @property
     def waypoints(self) -> Array:
@@ -197,6 +210,8 @@ class Replanner:
         b["replans"][triggered] += 1
         b["since_plan"][awake] += 1
         self._plan(triggered | self._due(awake & following, odometry), odometry)
+        if "path_ahead" in b:
+            self._look_ahead(awake, odometry)
         return self.waypoints
 
     def sees(self, start: Array, end: Array) -> bool:
@@ -290,7 +305,13 @@ class Replanner:
         if not chosen.any():
             return
         b = self.b
-        self.native.plan(chosen.astype(np.uint8), odometry, b["goal"])
+        if "corners" in b:
+            self.native.plan_routes(
+                chosen.astype(np.uint8), odometry, b["goal"], b["corners"], b["num_corners"]
+            )
+            b["along"][chosen] = 0.0
+        else:
+            self.native.plan(chosen.astype(np.uint8), odometry, b["goal"])
         back = chosen & (b["found"] == 0)
         back |= self._sees(chosen, odometry, b["goal"], np.inf, known=True)
         ahead = np.hypot(*(b["waypoint"] - odometry[:, :2]).T)
@@ -300,6 +321,17 @@ class Replanner:
         b["since_plan"][chosen] = 0
         # Whoever goes back to the goal is watched anew.
         b["recorded"][back] = 0
+
+    def _look_ahead(self, awake: Mask, odometry: Array) -> None:
+        b = self.b
+        following = b["following"].astype(bool)
+        on_route = (awake & following).astype(np.uint8)
+        self.native.ahead(on_route, odometry, b["corners"], b["num_corners"], b["along"], b["path_ahead"])
+        straight = awake & ~following
+        here = odometry[straight, None, :2]
+        way = b["goal"][straight, None] - here
+        length = np.maximum(np.hypot(way[..., 0], way[..., 1]), 1e-9)
+        b["path_ahead"][straight] = here + way * np.minimum(PATH_POINTS_M / length, 1.0)[..., None]
 
     def _sees(
         self, mask: Mask, odometry: Array, points: Array, distance_m: float, *, known: bool = False
@@ -312,6 +344,16 @@ class Replanner:
         if mask.any():
             self.native.see(mask.astype(np.uint8), odometry, points, distance_m, known, out)
         return out.astype(bool)
+
+
+def _path_buffers(n: int) -> dict[str, NDArray[Any]]:
+    """The routes that are followed, and how far along each its robot has come."""
+    return {
+        "corners": np.zeros((n, _core.ROUTE_CORNERS, 2)),
+        "num_corners": np.zeros(n, np.int32),
+        "along": np.zeros(n),
+        "path_ahead": np.zeros((n, len(PATH_POINTS_M), 2)),
+    }
 
 
 def _extents(robots: Sequence[RobotConfig]) -> F32:

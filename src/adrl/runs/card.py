@@ -62,6 +62,7 @@ def _saw(config: PolicyConfig) -> Iterator[tuple[str, str]]:
     yield "guidance", ", ".join(f"`{name}`" for name in _guidances(config))
     steps, tracks = config.encoder.get("history_steps", 0), config.encoder.get("num_tracks", 0)
     by = ([f"motion cues over {steps} periods"] if steps else []) + ([f"{tracks} tracks"] if tracks else [])
+    yield "way", "the waypoint and the path ahead" if config.encoder.get("path") else "the waypoint"
     yield "moving obstacles", f"seen by {' and '.join(by)}" if by else "not seen as moving"
     environment = config.table("environment")
     by = environment.get("planner")

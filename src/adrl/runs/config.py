@@ -19,7 +19,7 @@ from adrl.rewards.config import STANDING_AT_WORST
 from adrl.simulators import NATIVE, find_simulator
 from adrl.types import RobotConfig
 from adrl.worlds.families import RobotFamily
-from adrl.worlds.place import Place
+from adrl.worlds.place import Place, split_guidance
 from adrl.worlds.robots import load_robots
 
 
@@ -38,7 +38,8 @@ class RunConfig(Place):
     guidance: str | None = None
     """goal: the policy sees the final goal; replan: that, and waypoints of its own map when blocked (eqs 18-23);
     map: a waypoint on the A* path of the known map. Left out: map with --map or --world, else goal. Several, with
-    commas between, are all learned; the first is the policy's where none is asked for."""
+    commas between, are all learned; the first is the policy's where none is asked for. goal@clutter is one that is
+    learned in clutter alone, where robots are of a family."""
     replanner: ReplannerConfig = field(default_factory=ReplannerConfig)
     env: str = NATIVE
     """What moves and senses the robots of training: a simulator's name (adrl list). Ours is native; the others do not
@@ -135,6 +136,11 @@ class RunConfig(Place):
     @property
     def guidances(self) -> tuple[str, ...]:
         """All that are learned."""
+        return tuple(dict.fromkeys(split_guidance(text)[0] for text in self.placed_guidances))
+
+    @property
+    def placed_guidances(self) -> tuple[str, ...]:
+        """The same, each with the place that it is learned in alone; see Mixture."""
         return listed(self.resolved_guidance())
 
     def resolved_replanner(self) -> ReplannerConfig:

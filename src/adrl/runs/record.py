@@ -40,8 +40,9 @@ def about_policy(
     planner: of the demonstrations. setup_seconds: wall clock of what came before the first update, told apart.
     """
     config, learner, name = run.config, run.learner, method_name(run.config.chosen_method)
+    placed = config.placed_guidances
     places = ",".join(scenario.name for scenario in run.scenarios)
-    settings = asdict(replace(config, robot=run.robot.name, guidance=",".join(run.guidances)))
+    settings = asdict(replace(config, robot=run.robot.name, guidance=",".join(placed)))
     settings |= {"demonstration_steps": run.demonstration_steps}
     settings |= {"method": name, "expert": str(run.expert)}
     replans_as_printed = "replan" not in run.guidances or run.replanner == run.replanner.literal()
@@ -57,6 +58,7 @@ def about_policy(
             "environment": {
                 "scenario": places,
                 **({"guidances": list(run.guidances)} if len(run.guidances) > 1 else {}),
+                **({"placed_guidances": list(placed)} if placed != run.guidances else {}),
                 "num_envs": config.num_envs,
                 "task_pool": config.task_pool,
                 "task_priority": config.task_priority,

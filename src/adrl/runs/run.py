@@ -102,7 +102,7 @@ class Run:
         given = {
             "scenario": self.scenarios,
             "robot": self.robots("train", task_pool),
-            "guidance": self.guidances,
+            "guidance": self.config.placed_guidances,
             "replanner": self.replanner,
             "task_pool": task_pool,
             "task_priority": 0.0,
@@ -176,7 +176,7 @@ class Run:
         robots: Sequence[RobotConfig | Kind] = self.robots(split, count)
         if isinstance(self.robot, RobotConfig):
             robots = [Kind(robot=self.robot, guidance=g, taken_as=self.taken_as) for g in self.guidances]
-        return Mixture(robots=robots, guidances=self.guidances, scenarios=self.scenarios)
+        return Mixture(robots=robots, guidances=self.config.placed_guidances, scenarios=self.scenarios)
 
 
 SEED_ROBOTS = 1_000_000
@@ -189,6 +189,11 @@ REACH_M = 10.0
 
 def _require_native(config: RunConfig, robot: RobotConfig | RobotFamily) -> None:
     """Raises ConfigError for several robots, places or guidances where one of each is wanted."""
+    if isinstance(robot, RobotConfig) and config.placed_guidances != config.guidances:
+        raise ConfigError(
+            f"guidance {config.guidance}: @PLACE is for families of robots, and {robot.name} is one robot; "
+            "leave out @PLACE"
+        )
     given = {"robot": robot.name, "scenario": config.scenario, "guidance": config.guidance}
     several = {
         "robot": isinstance(robot, RobotFamily),
@@ -239,6 +244,6 @@ def _default_folder(
 ) -> Path:
     """Its name tells what the run is."""
     places = "-".join(scenario.name for scenario in scenarios)
-    parts = (method_name(config.chosen_method), places, robot.name, "-".join(config.guidances))
+    parts = (method_name(config.chosen_method), places, robot.name, "-".join(config.placed_guidances))
     name = "-".join(re.sub(r"[^\w.-]+", "-", part) for part in parts)
     return Path("runs") / f"{name}-s{config.learner.seed}"

@@ -94,7 +94,8 @@ def _nothing_by_halves(folder: Path) -> Iterator[None]:
 def _guidance_of(folder: Path) -> str | None:
     """What the newest checkpoint of a run says, as option guidance takes it."""
     said = checkpoint.settings(folder)
-    several = (said.get("environment") or {}).get("guidances")
+    environment = said.get("environment") or {}
+    several = environment.get("placed_guidances") or environment.get("guidances")
     return ",".join(several) if several else said.get("guidance")
 
 

@@ -1,7 +1,7 @@
 """What exists, and what is to be done in it."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -77,6 +77,11 @@ class World(HasNative):
         cells = np.argwhere(self.grid.solid)[:, ::-1].astype(np.float64)
         middles = (cells + 0.5) * self.grid.resolution_m
         return in_world_frame(np.array(self.grid.origin), middles)
+
+    @cached_property
+    def without_discs(self) -> "World":
+        """What stands: paths are planned in it."""
+        return self if len(self.discs) == 0 else replace(self, discs=np.empty((0, 8)))
 
     @cached_property
     def native(self) -> "_core.World":

@@ -18,6 +18,14 @@ from adrl.worlds.people import among_people
 from adrl.worlds.ros_map import Unknown
 
 
+def split_guidance(text: str) -> tuple[str, str]:
+    """NAME or NAME@PLACE -> the guidance's name, and the place it is for; "" for any. Raises ConfigError."""
+    name, at, place = (part.strip() for part in text.partition("@"))
+    if at and not place:
+        raise ConfigError(f"guidance {text!r}: give a place after @, as goal@clutter")
+    return name, place
+
+
 @dataclass(frozen=True, kw_only=True)
 class Place:
     """Where to drive: one of scenario, map, world and barn."""
