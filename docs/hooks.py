@@ -1,4 +1,4 @@
-"""What the site needs beyond its plugins: folders in the navigation, sections of README.md, equations as MathML.
+"""What the site needs beyond its plugins: folders in the navigation, sections of README.md, files, equations as MathML.
 
 MathML is drawn by the browser itself: no script, nothing fetched from elsewhere, but the font comes with the site.
 In an equation `\\printed` parts the corrected form from the paper's, `\\\\` begins a line, `\\tag{9}` is its number.
@@ -8,6 +8,7 @@ import html
 import posixpath
 import re
 import shutil
+import textwrap
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -16,6 +17,7 @@ from latex2mathml.converter import convert
 from mkdocs.exceptions import PluginError
 
 SECTION = re.compile(r"^\[(.+?)\]\((?:\.\./)+README\.md(?:#[\w-]*)?\)$", re.MULTILINE)
+FILE = re.compile(r"^( *)\[[^\]]+\]\((?:\.\./)+(ros2/[\w./-]+)\)$", re.MULTILINE)
 MATH = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.+?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -26,9 +28,11 @@ def on_config(config: Any) -> None:
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, **_: Any) -> str:
-    """Put a section of README.md in the place of a line that only links to it, which a repository page shows."""
-    readme = Path(config.config_file_path).parent / "README.md"
-    return SECTION.sub(lambda match: _section(readme, match[1], page.file.src_uri), markdown)
+    """Put a section of README.md, or a file of ros2/, in the place of a line that only links to it, which a repository
+    page shows."""
+    root = Path(config.config_file_path).parent
+    markdown = SECTION.sub(lambda match: _section(root / "README.md", match[1], page.file.src_uri), markdown)
+    return FILE.sub(lambda match: _file(root / match[2], match[1]), markdown)
 
 
 def on_page_content(content: str, **_: Any) -> str:
@@ -74,6 +78,13 @@ def _section(readme: Path, heading: str, page: str) -> str:
         raise PluginError(f"{page}: README.md has no heading {heading!r}; it has {', '.join(sections)}")
     up = posixpath.relpath(".", posixpath.dirname(page))
     return sections[heading].strip().replace("](docs/", f"]({up}/" if up != "." else "](")
+
+
+def _file(path: Path, indent: str) -> str:
+    """A file as a block, titled with its name."""
+    language = {".py": "python"}.get(path.suffix, path.suffix[1:])
+    text = path.read_text(encoding="utf-8")
+    return textwrap.indent(f'```{language} title="{path.name}"\n{text}```', indent)
 
 
 def _mathml(match: re.Match[str]) -> str:

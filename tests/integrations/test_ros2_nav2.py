@@ -1,7 +1,6 @@
 """Our nodes where Nav2 expects its own: real processes, real DDS, a client that does as its behaviour tree does."""
 
 import math
-import re
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -257,14 +256,11 @@ def test_the_navigator_is_an_action_too_and_turns_where_it_is_told_to(ros2: Ros)
     assert [event["count"] for event in probe.of("collisions")] == [0]
 
 
-def test_the_parameters_of_the_page_are_read(ros2: Ros) -> None:
-    """From a file, as Nav2's users have them; its goal checker and no other."""
-    page = (SOURCE / "docs" / "how-to" / "nav2.md").read_text()
-    text = re.search(r"```yaml title=\"controller_server.*?\n(.*?)```", page, re.DOTALL)
-    assert text is not None
+def test_the_parameter_file_is_read(ros2: Ros) -> None:
+    """As Nav2's users have it; its goal checker and no other."""
+    shipped = SOURCE / "ros2" / "adrl_bringup" / "params" / "controller_server.yaml"
     file = ros2.folder / "nav2_params.yaml"
-    given = text[1].replace("my_robot.toml", "diffbot")
-    file.write_text("\n".join(line.removeprefix("   ") for line in given.splitlines()))
+    file.write_text(shipped.read_text().replace("my_robot.toml", "diffbot"))
     ros2.node("sim", "--scenario", "complex", "--speed", "2", "--tf")
     adrl = [str(ros2.python), "-m", "adrl.cli", "ros2", "controller", "--policy", "nothing"]
     ros2.start("controller", [*adrl, "--ros-args", "-p", "use_sim_time:=true", "--params-file", str(file)])

@@ -1,0 +1,1 @@
+"""Launch files of ADRL's nodes. The nodes themselves are the command adrl, which pip installs."""
