@@ -10,7 +10,7 @@
 namespace adrl {
 namespace {
 
-constexpr double kTangent = 0.1;     // metres of path that tell its direction
+constexpr double kTangent = 0.1; // metres of path that tell its direction
 
 // Which way a car drives to get on: backward where its path leads behind it.
 double gear_on(const Path &path, double along, double stop, const Pose &pose) {
