@@ -155,7 +155,7 @@ def test_the_path_of_another_planner_is_followed_from_cusp_to_cusp():
     """As those of Nav2's Smac planners, which turn back."""
     forward = [(x, 0.0) for x in np.linspace(0.0, 2.0, 21)]
     back = [(2.0 - 0.8 * math.sin(a), 0.8 - 0.8 * math.cos(a)) for a in np.linspace(0.0, 1.5, 16)[1:]]
-    guide = GivenPathGuide(Replanner(1, CAR, tells_path=True), car=True)
+    guide = GivenPathGuide(Replanner(1, CAR), car=True)
     guide.set_goal(np.array([*forward, *back]))
     ranges = np.full((1, CAR.lidar.num_beams), CAR.lidar.max_range_m, np.float32)
 

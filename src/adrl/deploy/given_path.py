@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from adrl.deploy.guidance import ONE, Guide, Heading, Point, View
+from adrl.deploy.guidance import ONE, Guide, Heading, Point, View, ahead_of_one
 from adrl.errors import ConfigError
 from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.planning.path_guide import LOOKAHEAD_M
@@ -106,9 +106,7 @@ class GivenPathGuide(Guide):
         self._maps, self._round = True, blocked
         waypoint = self.replanner.update(view.ranges, view.reckoned)[0]
         on_own_route = bool(self.replanner.following[0])
-        told = (
-            self.replanner.path_ahead[0].copy() if on_own_route else self._at(self._along_m + PATH_POINTS_M)
-        )
+        told = ahead_of_one(self.replanner) if on_own_route else self._at(self._along_m + PATH_POINTS_M)
         most_m = DETOUR * blocked_m + DETOUR_M
         if blocked and not (on_own_route and self.replanner.b["route"][0] <= most_m):
             # No way round is known: up to it, and wait.

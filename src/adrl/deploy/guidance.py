@@ -51,8 +51,9 @@ class Heading:
     """Where the goal is taken to be: noise may have moved it into a wall."""
     plan: Array
     """(P, 2) the way that is meant, from the robot on."""
-    path: Array
-    """(Q, 2) points of it, adrl.observation.path_ahead.PATH_POINTS_M ahead: what a policy may be told of it."""
+    path: Array | None
+    """(Q, 2) points of it, adrl.observation.path_ahead.PATH_POINTS_M ahead: what a policy may be told of it. None of a
+    replanner's route, where it does not tell."""
 
 
 class Guide:
@@ -145,12 +146,18 @@ class OwnMapGuide(Guide):
             distance_m=math.dist(goal, here),
             goal=goal,
             plan=np.array([here, goal] if (x, y) == goal else [here, (x, y), goal]),
-            path=self.replanner.path_ahead[0].copy(),
+            path=ahead_of_one(self.replanner),
         )
 
     def as_shown(self, towards: Array) -> Array:
         """See Guide."""
         return self.replanner.as_goals(towards)
+
+
+def ahead_of_one(replanner: Replanner) -> Array | None:
+    """(P, 2) points of the only robot's way, a copy; None where the replanner does not tell."""
+    ahead = replanner.path_ahead
+    return None if ahead is None else ahead[0].copy()
 
 
 class KnownMapGuide(Guide):

@@ -21,6 +21,7 @@ from adrl.deploy.given_path import GivenPathGuide
 from adrl.deploy.guidance import (
     ONE,
     Guide,
+    Heading,
     KnownMapGuide,
     OwnMapGuide,
     View,
@@ -124,7 +125,7 @@ class Navigator:
             self.guide = KnownMapGuide(world, self.robot, goal_tolerance_m)
         elif self.guidance in ("replan", PATH):
             replanner = Replanner(
-                1, self._as_trained, found.replanner, maturity=found.maturity, tells_path=True
+                1, self._as_trained, found.replanner, maturity=found.maturity, tells_path=self._needs_path
             )
             self.guide = (
                 OwnMapGuide(replanner)
@@ -261,8 +262,9 @@ class Navigator:
         self._remember(view)
         towards = in_robot_frame(np.array([place]), np.array([heading.waypoint]))
         shown, measured = self.guide.as_shown(towards), np.array([odometry.twist])
-        path = [in_robot_frame(np.array([place]), heading.path)[None]] if self._needs_path else []
-        seen = self._encoder.encode(view.ranges, shown, measured, self._action, self._history, *path)
+        seen = self._encoder.encode(
+            view.ranges, shown, measured, self._action, self._history, *self._told_path(place, heading)
+        )
         if not self._begun:
             begin(self.policy, ONE)
         self._begun = True
@@ -281,6 +283,13 @@ class Navigator:
             plan=heading.plan,
             distance_m=heading.distance_m,
         )
+
+    def _told_path(self, place: Pose, heading: Heading) -> tuple[Array, ...]:
+        """The path ahead as an encoder that needs it takes it, (1, P, 2) in the robot's frame; nothing for others."""
+        if not self._needs_path:
+            return ()
+        assert heading.path is not None
+        return (in_robot_frame(np.array([place]), heading.path)[None],)
 
     def _end(self, place: Pose, goal: tuple[float, float], now_s: float) -> Command:
         """At the goal: stand, or turn to its heading first. Raises PlanningError."""

@@ -382,11 +382,10 @@ class NavSim:
             array[:] = state.get(f"standstill.{name}", array)
         for i, task in enumerate(tasks):
             self.tasks[i] = task
-            if task is None:
-                continue
-            self.native.set_task(i, task.native)
-            if np.isfinite(self._path_from[i]).all():
-                self.native.set_task(i, self._from(i, self._path_from[i]).native)
+            if task is not None:
+                pose = self._path_from[i]
+                driven = self._from(i, pose) if np.isfinite(pose).all() else task
+                self.native.set_task(i, driven.native)
 
     def _only(self, what: str, found: Mapping[Any, None]) -> Any:
         if len(found) > 1:
@@ -404,7 +403,7 @@ class NavSim:
         waypoints = self.replanner.update(self._ranges(), self.b["odometry"], active & led)
         self.b["waypoint"][led] = waypoints[led]
         if self.encoder.needs_path:
-            self.b["path_ahead"][led] = self.replanner.path_ahead[led]
+            self.b["path_ahead"][led] = self.replanner.b["path_ahead"][led]
 
     def _ranges(self, rows: Rows = ALL) -> F32:
         """(N, K) metres, by a LiDAR of the reach that the policy knows; beyond the robot's own all is free."""

@@ -8,9 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl import _core
 from adrl.planning.local_control import LocalControl
-from adrl.planning.replanner import Replanner
+from adrl.planning.replanner import Replanner, route_buffers
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array, RobotConfig
 
@@ -36,9 +35,7 @@ class OwnMapDriver:
         # Of the replanner the map and the search are wanted; eqs 18 to 21 are another method's.
         self._maps = Replanner(num_robots, robot, config, num_threads=num_threads, kind=kind)
         self._goals = np.zeros((num_robots, 2))
-        self._corners = np.zeros((num_robots, _core.ROUTE_CORNERS, 2))
-        self._counts = np.zeros(num_robots, np.int32)
-        self._along = np.zeros(num_robots)
+        self._routes = route_buffers(num_robots)
         self._since_plan = np.zeros(num_robots, np.int64)
 
     def restart(self, indices: NDArray[np.intp], goals: Array, odometry: Array) -> None:
@@ -50,9 +47,10 @@ class OwnMapDriver:
         self._maps.native.restart(mask, poses)
         self._goals[indices] = goals
         # Until there is a plan, straight on.
-        self._corners[indices, 0], self._corners[indices, 1] = odometry[:, :2], goals
-        self._counts[indices] = 2
-        self._along[indices] = 0.0
+        routes = self._routes
+        routes["corners"][indices, 0], routes["corners"][indices, 1] = odometry[:, :2], goals
+        routes["num_corners"][indices] = 2
+        routes["along"][indices] = 0.0
         self._since_plan[indices] = self._maps.interval[indices]
         self.control.restart(indices)
 
@@ -64,17 +62,16 @@ class OwnMapDriver:
         active (N,): the others get 0.
         """
         native, mask = self._maps.native, active.astype(np.uint8)
+        corners, counts, along = self._routes.values()
         native.observe(mask, odometry, ranges)
         due = active & (self._since_plan >= self._maps.interval)
         self._since_plan[active] += 1
         if due.any():
-            native.plan_routes(due.astype(np.uint8), odometry, self._goals, self._corners, self._counts)
+            native.plan_routes(due.astype(np.uint8), odometry, self._goals, corners, counts)
             # Where there is no way, the last route stays.
             planned = due & (self._maps.b["found"] > 0)
-            self._along[planned] = 0.0
+            along[planned] = 0.0
             self._since_plan[due] = 1
         out = np.zeros((len(mask), 2))
-        native.drive(
-            self.control.native, mask, odometry, twist, self._corners, self._counts, self._along, out
-        )
+        native.drive(self.control.native, mask, odometry, twist, corners, counts, along, out)
         return out

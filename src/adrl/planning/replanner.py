@@ -122,7 +122,8 @@ class Replanner:
         self._extents = _extents(robots)
         self.b = _buffers(num_robots, self._windows.max() + 1, self.config.cells)
         if tells_path:
-            self.b |= _path_buffers(num_robots)
+            self.b |= route_buffers(num_robots)
+            self.b["path_ahead"] = np.zeros((num_robots, len(PATH_POINTS_M), 2))
         setups = [_setup(self.config, one) for one in robots]
         self.native = _core.Replanner(num_robots, num_threads, setups, self.b | {"kind": self.kind})
 
@@ -147,10 +148,10 @@ class Replanner:
         return self.b["beyond"]
 
     @property
-    def path_ahead(self) -> Array:
+    def path_ahead(self) -> Array | None:
         """(N, P, 2) points of each robot's way PATH_POINTS_M ahead of where it was at the last update: of its route, or
-        of the straight line to the goal. Of a Replanner that tells the path."""
-        return self.b["path_ahead"]
+        of the straight line to the goal. None of a Replanner that does not tell the path."""
+        return self.b.get("path_ahead")
 
     @property
     def waypoints(self) -> Array:
@@ -305,7 +306,7 @@ class Replanner:
         if not chosen.any():
             return
         b = self.b
-        if "corners" in b:
+        if "path_ahead" in b:
             self.native.plan_routes(
                 chosen.astype(np.uint8), odometry, b["goal"], b["corners"], b["num_corners"]
             )
@@ -346,13 +347,13 @@ class Replanner:
         return out.astype(bool)
 
 
-def _path_buffers(n: int) -> dict[str, NDArray[Any]]:
-    """The routes that are followed, and how far along each its robot has come."""
+def route_buffers(n: int) -> dict[str, NDArray[Any]]:
+    """Routes of N robots pulled taut: corners (N, ROUTE_CORNERS, 2), num_corners (N,) of them, and along (N,) m, how
+    far each robot has come."""
     return {
         "corners": np.zeros((n, _core.ROUTE_CORNERS, 2)),
         "num_corners": np.zeros(n, np.int32),
         "along": np.zeros(n),
-        "path_ahead": np.zeros((n, len(PATH_POINTS_M), 2)),
     }
 
 

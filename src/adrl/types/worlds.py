@@ -80,7 +80,7 @@ class World(HasNative):
 
     @cached_property
     def without_discs(self) -> "World":
-        """What stands: paths are planned in it."""
+        """What stands. Robots under way plan in it: where discs were at first is of no use to them."""
         return self if len(self.discs) == 0 else replace(self, discs=np.empty((0, 8)))
 
     @cached_property
