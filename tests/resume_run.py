@@ -60,7 +60,7 @@ def config(steps: int) -> TrainConfig:
         eval_interval_steps=120,
         checkpoint_interval_steps=100,
         td3=Td3Config(widths=(16, 16), batch_size=16, bc_batch_size=8),
-        schedule=ScheduleConfig(warmup_updates=12, interval_updates=8, rise_updates=100),
+        schedule=ScheduleConfig(warmup_updates=12, interval_updates=8, rise_updates=100, lambda_floor=0.1),
         reward=PLAIN,
     )
 

@@ -517,3 +517,28 @@ def test_each_job_compiles_into_a_folder_of_its_own(tmp_path: Path, monkeypatch:
     for job in jobs:
         assert log_path(config, job).read_text() == f"False {cache_path(config, job)}\n"
     assert not (tmp_path / "out" / "cache").exists()
+
+def test_jobs_that_share_compiled_programs_find_those_of_the_jobs_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing of an earlier comparison, and nothing is left."""
+    config = CompareConfig(
+        methods="td3", seeds=2, learner=BUDGET, out=tmp_path / "out", workers=1, shares_compiled=True
+    )
+    (tmp_path / "out" / "cache").mkdir(parents=True)
+    (tmp_path / "out" / "cache" / "old").touch()
+    looks_and_writes = (
+        "import os, pathlib; folder = pathlib.Path(os.environ['JAX_COMPILATION_CACHE_DIR']); "
+        "folder.mkdir(parents=True, exist_ok=True); print(len(list(folder.iterdir()))); "
+        "(folder / str(os.getpid())).touch()"
+    )
+    real = subprocess.Popen
+
+    def popen(command: list[str], **options: Any) -> Any:
+        return real([command[0], "-c", looks_and_writes], **options)
+
+    monkeypatch.setattr(subprocess, "Popen", popen)
+    jobs = all_jobs(config)
+    run_all(config, jobs, lambda ended, running: None)
+    assert [int(log_path(config, job).read_text()) for job in jobs] == list(range(len(jobs)))
+    assert not (tmp_path / "out" / "cache").exists()

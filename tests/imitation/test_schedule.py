@@ -44,10 +44,16 @@ def test_phases():
     assert lambda_bc(at(0.0), CONFIG) == CONFIG.lambda_max
     assert alpha(at(CONFIG.b_alpha / CONFIG.k_alpha), CONFIG) == (CONFIG.alpha_min + CONFIG.alpha_max) / 2
     assert alpha(at(1.0), CONFIG) < CONFIG.alpha_min + 0.05 * CONFIG.alpha_max
-    floor, left = CONFIG.lambda_max * CONFIG.lambda_floor, math.exp(-CONFIG.k_q)
-    assert 0.0 < floor < 0.2 * CONFIG.lambda_max
-    assert math.isclose(lambda_bc(at(1.0), CONFIG), floor + (CONFIG.lambda_max - floor) * left)
-    assert math.isclose(lambda_bc(at(1.0), replace(CONFIG, lambda_floor=0.0)), CONFIG.lambda_max * left)
+    assert math.isclose(lambda_bc(at(1.0), CONFIG), CONFIG.lambda_max * math.exp(-CONFIG.k_q))
+
+
+def test_a_tenth_of_the_cloning_stays_where_the_policy_is_shown_the_way():
+    """By hand; a floor that is given holds under every guidance."""
+    left = math.exp(-CONFIG.k_q)
+    assert math.isclose(lambda_bc(at(1.0), CONFIG.under("map")), CONFIG.lambda_max * (0.1 + 0.9 * left))
+    assert math.isclose(lambda_bc(at(1.0), CONFIG.under("goal")), CONFIG.lambda_max * left)
+    given = ScheduleConfig(lambda_floor=0.3)
+    assert given.under("map").lambda_floor == given.under("goal").lambda_floor == 0.3
 
 
 def test_without_imitation_nothing_is_left_of_it():
@@ -126,8 +132,7 @@ def test_who_is_shown_the_way_is_measured_against_the_expert_for_ever():
     """Guidance map: the expert's return is within reach. A constant that is given holds under every guidance."""
     assert max(run([0.4] * 2000, CONFIG.under("map"))) == pytest.approx(0.4, abs=0.01)
     assert run([0.4] * 2000, CONFIG.under("replan"))[-1] == pytest.approx(1.0, abs=0.02)
-    given = ScheduleConfig(patience_updates=7.0)
-    assert given.under("map") == given
+    assert ScheduleConfig(patience_updates=7.0).under("map").patience_updates == 7.0
 
 
 def test_a_critic_that_goes_on_rising_raises_the_bound_again():

@@ -49,6 +49,7 @@ NOT_SHARED = (
     "out",
     "method",
     "resume",
+    "shares_compiled",
 )
 """Options that results in one folder may differ in."""
 
@@ -86,6 +87,8 @@ class CompareConfig(RunConfig):
     """Set for each job."""
     resume: tyro.conf.Suppress[bool] = False
     """Set for each job."""
+    shares_compiled: tyro.conf.Suppress[bool] = False
+    """Whether the jobs share compiled programs: for a budget in steps, where nobody asks how long a run took."""
     learner: Annotated[TrainConfig, tyro.conf.arg(name="")] = field(
         default_factory=lambda: TrainConfig(eval_interval_steps=EVAL_INTERVAL_STEPS)
     )

@@ -12,7 +12,6 @@ from adrl.comparison.config import CompareConfig
 from adrl.comparison.jobs import Job, is_finished
 
 WORKER = "adrl.comparison.worker"
-CACHE_VARIABLE = "JAX_COMPILATION_CACHE_DIR"
 LOGS_FOLDER = "logs"
 CACHE_FOLDER = "cache"
 POLL_S = 0.2
@@ -26,11 +25,12 @@ def log_path(config: CompareConfig, job: Job) -> Path:
 
 
 def cache_path(config: CompareConfig, job: Job) -> Path:
-    """Where JAX keeps the job's compiled programs, for as long as it runs.
+    """Where JAX keeps the job's compiled programs, for as long as it runs, or the comparison where they are shared.
 
-    One of its own for each job: all have the budget in wall clock, and each has to pay for its compilation.
+    Else it is one of its own: where wall clock is measured each has to pay for its compilation.
     """
-    return config.out / CACHE_FOLDER / job.name
+    folder = config.out / CACHE_FOLDER
+    return folder if config.shares_compiled else folder / job.name
 
 
 def cores(config: CompareConfig) -> list[int]:
@@ -59,7 +59,8 @@ def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int
                 if process.poll() is None:
                     continue
                 processes.close(process)
-                shutil.rmtree(cache_path(config, job), ignore_errors=True)
+                if not config.shares_compiled:
+                    shutil.rmtree(cache_path(config, job), ignore_errors=True)
                 del running[core]
                 free.append(core)
                 ended += 1
@@ -72,6 +73,14 @@ def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int
     return failed
 
 
+def cache_environment(config: CompareConfig, job: Job) -> dict[str, str]:
+    """Has JAX keep there what took longer to compile than to read."""
+    return {
+        "JAX_COMPILATION_CACHE_DIR": str(cache_path(config, job).absolute()),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
+    }
+
+
 def _start(config: CompareConfig, job: Job, core: int) -> processes.Process:
     """A worker with its job on standard input, which stays open: see adrl.comparison.worker."""
     path = log_path(config, job)
@@ -81,7 +90,7 @@ def _start(config: CompareConfig, job: Job, core: int) -> processes.Process:
             WORKER,
             stdout=log,
             stderr=subprocess.STDOUT,
-            environment={CACHE_VARIABLE: str(cache_path(config, job).absolute())},
+            environment=cache_environment(config, job),
         )
     processes.send(process, task_line(config, job, core))
     return process

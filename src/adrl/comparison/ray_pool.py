@@ -21,7 +21,7 @@ from typing import IO, Any
 from adrl import files, processes
 from adrl.comparison.config import CompareConfig, from_document
 from adrl.comparison.jobs import RESULT_FILE, Job, is_finished
-from adrl.comparison.pool import CACHE_VARIABLE, WORKER, cache_path, log_path, task_line
+from adrl.comparison.pool import WORKER, cache_environment, log_path, task_line
 from adrl.errors import ConfigError
 
 POLL_S = 0.5
@@ -111,7 +111,7 @@ def remote_job(
                 WORKER,
                 stdout=stream,
                 stderr=subprocess.STDOUT,
-                environment={CACHE_VARIABLE: str(cache_path(config, job))},
+                environment=cache_environment(config, job),
             )
         try:
             processes.send(process, task_line(config, job, core))

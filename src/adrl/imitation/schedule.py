@@ -23,6 +23,9 @@ NEVER = 1e9
 PATIENCE_UPDATES = {"goal": 4000.0, "replan": 4000.0, "map": NEVER}
 """patience_updates of each guidance. A policy that is shown the map's waypoints can earn what the expert does: there
 Q_max stays the expert's."""
+LAMBDA_FLOOR = {"goal": 0.0, "replan": 0.0, "map": 0.1}
+"""lambda_floor of each guidance. Shown the map's waypoints, a policy can do what the expert does. With the goal alone it
+cannot follow the detours of an expert that knows the map, and what is left of the pull to them costs success."""
 LEAST_REACH = 0.25
 """Q_max comes no nearer to Q_min than this share of the way to the expert's return: a critic that settles lower has
 not learnt, and its noise is no maturity. It also bounds the gain of the loop from S through the weights to S."""
@@ -56,9 +59,10 @@ class ScheduleConfig:
     """lambda_max of eq 5: weight of cloning beside the normalised Q at S = 0; 0 to 1e+06."""
     k_q: Annotated[float, Range(0.0, 1e6)] = 10.0
     """k_q of eq 5: what is released of lambda falls by exp(-k_q) from S = 0 to S = 1; 0 to 1e+06."""
-    lambda_floor: Annotated[float, Range(0.0, 1.0)] = 0.1
-    """Share of lambda_max that is never released: the weak regulariser of the autonomy phase. Without it the actor
-    unlearns what its own noise spares it in training (docs/decisions.md); 0 to 1."""
+    lambda_floor: Annotated[float, Range(0.0, 1.0)] | None = None
+    """Share of lambda_max that is never released: the weak regulariser of the autonomy phase. None: 0.1 where guidance
+    map shows the policy the way, as it would unlearn there what its own noise spares it in training; else 0, as the
+    expert knows a map that the policy does not (docs/decisions.md); 0 to 1."""
     warmup_updates: Annotated[int, Range(0, 1_000_000_000)] = 0
     """Updates during which S stays 0: the critic starts cold and its values mean nothing yet; 0 to 1e+09."""
     smoothing_updates: Annotated[float, Range(0.001, 1e9)] = 200.0
@@ -102,7 +106,7 @@ class ScheduleConfig:
     @property
     def releases(self) -> bool:
         """Whether alpha or lambda follows S."""
-        cloning = self.lambda_max > 0.0 and self.k_q > 0.0 and self.lambda_floor < 1.0
+        cloning = self.lambda_max > 0.0 and self.k_q > 0.0 and self.lambda_floor != 1.0
         return cloning or self.alpha_min < self.alpha_max
 
     @property
@@ -126,14 +130,11 @@ class ScheduleConfig:
         return self.patience_updates is not None and self.patience_updates >= NEVER
 
     def under(self, guidance: str) -> Self:
-        """With the patience of a guidance, where none is given. Raises UnknownName."""
+        """With the patience and the floor of a guidance, where none is given. Raises UnknownName."""
         if guidance not in PATIENCE_UPDATES:
             raise UnknownName("guidance", guidance, tuple(PATIENCE_UPDATES))
-        return (
-            self
-            if self.patience_updates is not None
-            else replace(self, patience_updates=PATIENCE_UPDATES[guidance])
-        )
+        own = {"patience_updates": PATIENCE_UPDATES[guidance], "lambda_floor": LAMBDA_FLOOR[guidance]}
+        return replace(self, **{name: value for name, value in own.items() if getattr(self, name) is None})
 
 
 class MaturityState(NamedTuple):
@@ -192,7 +193,8 @@ def lambda_bc(state: MaturityState, config: ScheduleConfig) -> float:
     if config.eq5 == "literal":
         return config.lambda_max * math.exp(min(-config.k_q * (state.statistic or 0.0), MOST_EXPONENT))
     released = 1.0 - math.exp(-config.k_q * state.maturity)
-    return config.lambda_max * (1.0 - (1.0 - config.lambda_floor) * released)
+    floor = LAMBDA_FLOOR["goal"] if config.lambda_floor is None else config.lambda_floor
+    return config.lambda_max * (1.0 - (1.0 - floor) * released)
 
 
 def _sigmoid(x: float) -> float:

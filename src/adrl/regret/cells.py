@@ -59,6 +59,7 @@ class Cell:
             validation_episodes=VALIDATION_EPISODES,
             demonstration_steps=DEMONSTRATION_STEPS,
             keep_checkpoints=False,
+            shares_compiled=True,
             out=out / self.name,
             learner=TrainConfig(
                 steps=self.steps, eval_interval_steps=self.steps, reward=REWARDS[self.reward]
@@ -79,18 +80,18 @@ def _cell(
 CELLS: dict[str, Cell] = {
     cell.name: cell
     for cell in (
-        _cell("perfect", "terminal", "clutter", "diffbot", 65_536),
-        _cell("perfect", "dense", "complex", "jackal", 65_536),
-        _cell("slow:0.5", "dense", "clutter", "diffbot", 65_536),
-        _cell("slow:0.5", "terminal", "complex", "jackal", 65_536),
+        _cell("perfect", "terminal", "clutter", "diffbot", 20_480),
+        _cell("perfect", "dense", "complex", "jackal", 40_960),
+        _cell("slow:0.5", "dense", "clutter", "diffbot", 20_480),
+        _cell("slow:0.5", "terminal", "complex", "jackal", 40_960),
         _cell("noisy:0.3", "dense", "clutter", "jackal", 20_480),
-        _cell("noisy:0.3", "terminal", "complex", "diffbot", 65_536),
-        _cell("narrow-shy:0.75", "terminal", "clutter", "jackal", 65_536),
-        _cell("narrow-shy:0.75", "dense", "complex", "diffbot", 65_536),
+        _cell("noisy:0.3", "terminal", "complex", "diffbot", 40_960),
+        _cell("narrow-shy:0.75", "terminal", "clutter", "jackal", 20_480),
+        _cell("narrow-shy:0.75", "dense", "complex", "diffbot", 40_960),
         _cell("half-wise:0.5", "terminal", "clutter", "diffbot", 20_480),
-        _cell("half-wise:0.5", "dense", "complex", "jackal", 65_536),
+        _cell("half-wise:0.5", "dense", "complex", "jackal", 40_960),
         _cell("few:5", "dense", "clutter", "diffbot", 20_480),
-        _cell("few:5", "terminal", "complex", "jackal", 65_536),
+        _cell("few:5", "terminal", "complex", "jackal", 40_960),
     )
 }
 """Name -> cell."""
