@@ -518,6 +518,7 @@ def test_each_job_compiles_into_a_folder_of_its_own(tmp_path: Path, monkeypatch:
         assert log_path(config, job).read_text() == f"False {cache_path(config, job)}\n"
     assert not (tmp_path / "out" / "cache").exists()
 
+
 def test_jobs_that_share_compiled_programs_find_those_of_the_jobs_before(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

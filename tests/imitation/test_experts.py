@@ -270,8 +270,70 @@ def test_the_cautious_one_keeps_clear_of_obstacles_and_takes_longer() -> None:
     assert not (cautious.terminated & ~cautious.success).any()
 
 
+class Behind:
+    """A wall before the robot, and what it hides: circles that close the way round its left end (side 1), its right one
+    (side -1), or neither (0). Task and path are as the map has them."""
+
+    def __init__(self, side: int) -> None:
+        self.name = "behind"
+        end, radius = np.array([2.0, 2.5]), 0.25
+        ahead = end / np.hypot(*end)
+        inside = np.array([ahead[1], -ahead[0]])  # of the wall's shadow
+        centres = np.arange(3.3, 10.0, 0.4)[:, None] * ahead + (radius + 0.15) * inside
+        circles = np.column_stack([centres[:, 0], side * centres[:, 1], np.full(len(centres), radius)])
+        self.world = World(
+            bounds=(-5.0, -8.0, 8.0, 8.0),
+            circles=circles if side else np.empty((0, 3)),
+            segments=np.array([[2.0, -2.5, 2.0, 2.5]]),
+        )
+
+    def task(self, rng: np.random.Generator, robot: RobotConfig) -> Task:
+        return single_task(self.world, (0.0, 0.0, 0.0), (5.0, 0.0), robot)
+
+
+def told(expert: str, guidance: str, side: int, steps: int = 4) -> np.ndarray:
+    """(steps, N, 2) what an expert does from the start on; see Behind."""
+    env = NavVectorEnv(2, task_pool=2, scenario=Behind(side), guidance=guidance, randomize=False)
+    driver, actions = find_expert(expert).driver(env, 0), []
+    env.reset(seed=0)
+    for _ in range(steps):
+        actions.append(driver.actions().copy())
+        env.advance(actions[-1])
+    return np.array(actions)
+
+
+def test_the_mapless_one_knows_no_more_than_it_has_seen() -> None:
+    """Which way is closed cannot be seen from the start. Who knows the map goes the other way."""
+    courses = [told("mapless", "goal", side) for side in (0, 1, -1)]
+    np.testing.assert_array_equal(courses[0], courses[1])
+    np.testing.assert_array_equal(courses[0], courses[2])
+    assert np.any(told("cautious", "goal", 1) != told("cautious", "goal", -1))
+
+
+def test_the_mapless_one_is_the_cautious_one_where_the_policy_is_shown_the_map() -> None:
+    np.testing.assert_array_equal(told("mapless", "map", 1), told("cautious", "map", 1))
+    assert np.any(told("mapless", "map", 1) != told("mapless", "map", -1))
+
+
+def test_the_mapless_one_arrives() -> None:
+    shown = data("mapless", 12_000, guidance="goal")
+    assert not (shown.terminated & ~shown.success).any()
+    whole = shown.ended.sum() - 16  # the last drive of each row is cut off
+    assert shown.success.sum() >= 0.9 * whole > 20
+
+
 @pytest.mark.parametrize(
-    "text", ["perfect", "slow:0.5", "noisy:0.2", "narrow-shy:0.75", "half-wise:0.5", "few:5", "cautious:4"]
+    "text",
+    [
+        "perfect",
+        "slow:0.5",
+        "noisy:0.2",
+        "narrow-shy:0.75",
+        "half-wise:0.5",
+        "few:5",
+        "cautious:4",
+        "mapless:4",
+    ],
 )
 def test_an_expert_says_what_it_is(text: str) -> None:
     name = text.partition(":")[0]

@@ -8,12 +8,8 @@ from numpy.typing import NDArray
 
 from adrl.envs import NavSim
 from adrl.observation import to_action
-from adrl.planning.own_map import OwnMapDriver
-from adrl.planning.replanner_config import ReplannerConfig
+from adrl.planning.own_map import OWN_MAP, OwnMapDriver
 from adrl.types import RobotConfig
-
-OWN_MAP = ReplannerConfig(replan_interval_s=0.5, margin_m=0.05)
-"""Constants of map and routes where a planner has no map."""
 
 
 class ClassicalPolicy:

@@ -5,9 +5,10 @@ expert does wrong follows from its seed, for all robots at once.
 """
 
 import inspect
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, ClassVar, Protocol, runtime_checkable
 from zlib import crc32
 
@@ -20,6 +21,7 @@ from adrl.imitation.episode_starts import EpisodeStarts
 from adrl.imitation.narrow_shy import ShyPaths
 from adrl.observation import in_robot_frame, to_action, to_twist
 from adrl.planning.local_control import mppi_config
+from adrl.planning.own_map import OWN_MAP, OwnMapDriver
 from adrl.ranges import Range, check_ranges
 from adrl.registry import look_up
 from adrl.types import ACTION_SIZE, RobotConfig
@@ -229,16 +231,18 @@ class Cautious(_Named):
         return _CautiousDriver(env, self.repulsion)
 
 
+def cautious(robot: RobotConfig, repulsion: float) -> "_core.MppiConfig":
+    """MPPI's constants for a robot, with so many times its repulsion."""
+    config = mppi_config(robot)
+    config.repulsion_weight *= repulsion
+    return config
+
+
 class _CautiousDriver(Driver):
     def __init__(self, env: "NavVectorEnv", repulsion: float) -> None:
         super().__init__(env)
 
-        def config(robot: RobotConfig) -> "_core.MppiConfig":
-            mppi = mppi_config(robot)
-            mppi.repulsion_weight *= repulsion
-            return mppi
-
-        self._control = env.sim.local_control(config)
+        self._control = env.sim.local_control(partial(cautious, repulsion=repulsion))
         self._starts = EpisodeStarts(env)
 
     def advising(self) -> AbstractContextManager[None]:
@@ -247,6 +251,46 @@ class _CautiousDriver(Driver):
     def actions(self) -> F32:
         self._control.restart(self._starts.rows())
         return self.env.sim.planned_actions(self._control)
+
+
+@dataclass(frozen=True)
+class Mapless(Cautious):
+    """As cautious; but where the policy has the goal alone, it goes by a map of its own of what it has seen.
+
+    So it shows no way round what nobody in its place could know of.
+    """
+
+    def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
+        """Drives whatever the robot's own planner is."""
+        return _MaplessDriver(env, self.repulsion)
+
+
+class _MaplessDriver(_CautiousDriver):
+    def __init__(self, env: "NavVectorEnv", repulsion: float) -> None:
+        super().__init__(env, repulsion)
+        sim = env.sim
+        self._own = sim.local_control(partial(cautious, repulsion=repulsion))
+        robots = [kind.robot for kind in sim.kinds]
+        self._driver = OwnMapDriver(
+            env.num_envs, robots, self._own, OWN_MAP, num_threads=sim.num_threads, kind=sim.b["kind"]
+        )
+
+    @contextmanager
+    def advising(self) -> Iterator[None]:
+        with super().advising(), self._own.advising():
+            yield
+
+    def actions(self) -> F32:
+        b, env = self.env.sim.b, self.env
+        begun = self._starts.rows()
+        self._control.restart(begun)
+        if len(begun) > 0:
+            goals = np.array([env.task(int(i)).goal for i in env.task_index[begun]])
+            self._driver.restart(begun, goals, b["odometry"][begun])
+        knows = env.sim.rows.on_map
+        commands = self._driver.commands(b["ranges"], b["odometry"], b["twist"], ~knows)
+        of_its_own = to_action(commands, env.sim.rows.known)
+        return np.where(knows[:, None], env.sim.planned_actions(self._control), of_its_own)
 
 
 PERFECT = "perfect"
@@ -258,6 +302,7 @@ EXPERTS: dict[str, Callable[..., Expert]] = {
     "half-wise": HalfWise,
     "few": Few,
     "cautious": Cautious,
+    "mapless": Mapless,
 }
 """name -> what makes an expert, of a number or of none."""
 

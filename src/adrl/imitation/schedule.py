@@ -24,8 +24,8 @@ PATIENCE_UPDATES = {"goal": 4000.0, "replan": 4000.0, "map": NEVER}
 """patience_updates of each guidance. A policy that is shown the map's waypoints can earn what the expert does: there
 Q_max stays the expert's."""
 LAMBDA_FLOOR = {"goal": 0.0, "replan": 0.0, "map": 0.1}
-"""lambda_floor of each guidance. Shown the map's waypoints, a policy can do what the expert does. With the goal alone it
-cannot follow the detours of an expert that knows the map, and what is left of the pull to them costs success."""
+"""lambda_floor of each guidance. Shown the map's waypoints, a policy can do what the expert does. With the goal alone
+it cannot follow the detours of an expert that knows the map, and what is left of the pull to them costs success."""
 LEAST_REACH = 0.25
 """Q_max comes no nearer to Q_min than this share of the way to the expert's return: a critic that settles lower has
 not learnt, and its noise is no maturity. It also bounds the gain of the loop from S through the weights to S."""

@@ -13,6 +13,9 @@ from adrl.planning.replanner import Replanner, route_buffers
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array, RobotConfig
 
+OWN_MAP = ReplannerConfig(replan_interval_s=0.5, margin_m=0.05)
+"""Constants of map and routes."""
+
 
 class OwnMapDriver:
     """Commands for N robots to their goals. Poses and goals are in the frame of the odometry."""
