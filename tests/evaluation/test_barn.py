@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
+from adrl.commands.barn import BarnDrives
 from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.envs import NavSim, Setting
@@ -208,6 +209,23 @@ def test_a_limited_policy_never_commands_more(v_max: float, low: float) -> None:
     speed, own = to_twist(limited, robot)[:, 0], to_twist(free, robot)[:, 0]
     np.testing.assert_allclose(speed, np.minimum(own, v_max), atol=1e-5)
     np.testing.assert_array_equal(limited[:, 1], free[:, 1])
+
+
+@pytest.mark.parametrize("v_max", [0.5, None])
+def test_the_limit_is_in_metres_a_second_where_a_policy_takes_its_robot_for_a_slower_one(
+    v_max: float | None, tmp_path: Path
+) -> None:
+    """`default` asks for no more than the Jackal stops from within 0.3 m."""
+    free = find_policy("default")
+    known = free.taken_as(JACKAL)
+    assert 0.5 < known.max_speed_mps < JACKAL.max_speed_mps
+    limited = BarnDrives(worlds=tmp_path, policy="default", v_max=v_max).driver()[0]
+    observation = (
+        np.random.default_rng(0).uniform(-1.0, 1.0, (64, free.policy.config.input_size)).astype(np.float32)
+    )
+    speed, own = (to_twist(of.policy.act(observation), known)[:, 0] for of in (limited, free))
+    assert own.max() > 0.5
+    np.testing.assert_allclose(speed, np.minimum(own, v_max or np.inf), atol=1e-5)
 
 
 @pytest.mark.parametrize("v_max", [0.0, -1.0, 2.5, float("nan")])

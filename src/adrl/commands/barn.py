@@ -37,7 +37,7 @@ class BarnDrives:
     own, as adrl evaluate has it."""
     v_max: float | None = None
     """Greatest speed, m/s: faster commands of a policy are cut off here, and a planner plans with it. That of the
-    robot when left out."""
+    robot when left out; a policy of a family drives no faster than it does elsewhere."""
     held_out: int = 0
     """Drive only so many of the worlds, those that training with the same --barn and --barn-held-out leaves out; 0 for
     all. Worlds that the policy was trained on are told by what stands in them, and marked, whatever is given here."""
@@ -68,7 +68,10 @@ class BarnDrives:
             )
         if policy.knows_the_world:
             return policy, dataclasses.replace(robot, max_speed_mps=v_max), v_max
-        return dataclasses.replace(policy, policy=SpeedLimited(policy.policy, robot, v_max)), robot, v_max
+        # Its actions are shares of what the policy takes the robot's speeds for.
+        known = policy.taken_as(robot)
+        limited = SpeedLimited(policy.policy, known, min(v_max, known.max_speed_mps))
+        return dataclasses.replace(policy, policy=limited), robot, v_max
 
 
 @dataclass(frozen=True, kw_only=True)
