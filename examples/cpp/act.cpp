@@ -1,7 +1,8 @@
 // adrl_act POLICY < rows: one line a control step in, the velocity out.
 // A line: ranges; goal x y; speed, yaw rate; last action (2); for a policy that is told the path x y of each of its
-// points; with motion cues also past ranges, pose x y yaw, past pose. A line of another length, or with something that
-// is no number, ends the program with an error; inf and nan are numbers.
+// points; with motion cues also past ranges, pose x y yaw, past pose; with tracks also ranges and pose x y yaw of each
+// of the last scans, the oldest first. A line of another length, or with something that is no number, ends the program
+// with an error; inf and nan are numbers.
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -39,7 +40,8 @@ int main(int argc, char **argv) {
         const std::size_t beams = policy.num_beams();
         const bool cued = policy.history_steps() > 0;
         const std::size_t points = policy.path_points().size();
-        const std::size_t width = (cued ? 2 * beams + 12 : beams + 6) + 2 * points;
+        const std::size_t followed = policy.num_followed();
+        const std::size_t width = (cued ? 2 * beams + 12 : beams + 6) + 2 * points + followed * (beams + 3);
         std::string line;
         for (int number = 1; std::getline(std::cin, line); ++number) {
             const std::vector<double> row = numbers_of(line);
@@ -60,8 +62,16 @@ int main(int argc, char **argv) {
                 at += beams;
                 now.pose = {at[0], at[1], at[2]};
                 past.pose = {at[3], at[4], at[5]};
+                at += 6;
             }
-            const adrl::Twist velocity = policy.velocity(policy.act(now, past, goal, path, twist, last));
+            std::vector<Look> looks;
+            for (std::size_t k = 0; k < followed; ++k, at += 3) {
+                looks.push_back({{at, at + beams}, {}});
+                at += beams;
+                looks.back().pose = {at[0], at[1], at[2]};
+            }
+            const std::vector<float> tracks = policy.tracks(looks);
+            const adrl::Twist velocity = policy.velocity(policy.act(now, past, tracks, goal, path, twist, last));
             std::printf("%.9g %.9g\n", velocity.v, velocity.w);
             std::fflush(stdout);
         }

@@ -1,11 +1,13 @@
 // adrl_drive POLICY: the policy's robot drives past three pillars to a goal 4 m ahead, in the core's own world.
 // The braking check of the core has the last word: what it does not let through becomes a stop.
+#include <algorithm>
 #include <array>
 #include <cstdio>
 #include <deque>
 #include <exception>
 #include <iostream>
 #include <stdexcept>
+#include <vector>
 
 #include "drive/braking.hpp"
 #include "policy.hpp"
@@ -49,13 +51,16 @@ int main(int argc, char **argv) {
         adrl::DriveState robot;
         const double span = limits.max_speed - limits.min_speed;
         Action last{static_cast<float>(-2.0 * limits.min_speed / span - 1.0), 0.0F}; // standing still
-        std::deque<Look> looks;
+        std::deque<Look> looks;                                                      // the newest last
+        const std::size_t kept = std::max(policy.history_steps() + 1, policy.num_followed());
+        // So many control periods ago; before the first look it was as it is there.
+        const auto look = [&](std::size_t ago) { return looks[ago < looks.size() ? looks.size() - 1 - ago : 0]; };
         std::vector<double> exact(beams.padded());
         for (int step = 0; step < kLongest; ++step) {
             raycast(world, adrl::DiscPlaces(), compose(robot.pose, policy.mount()), beams, policy.max_range(),
                     exact.data());
             looks.push_back({std::vector<float>(exact.begin(), exact.begin() + beams.count()), robot.pose});
-            if (static_cast<int>(looks.size()) > policy.history_steps() + 1) looks.pop_front();
+            if (looks.size() > kept) looks.pop_front();
             const adrl::Vec2 way = goal - adrl::Vec2{robot.pose.x, robot.pose.y};
             const double c = std::cos(robot.pose.theta), s = std::sin(robot.pose.theta);
             const adrl::Vec2 ahead{c * way.x + s * way.y, c * way.y - s * way.x};
@@ -64,7 +69,10 @@ int main(int argc, char **argv) {
                 return 0;
             }
             const std::vector<adrl::Vec2> path(policy.path_points().size(), ahead); // none is known
-            last = policy.act(looks.back(), looks.front(), ahead, path, robot.twist, last);
+            std::vector<Look> followed;
+            for (int ago = policy.num_followed() - 1; ago >= 0; --ago) followed.push_back(look(ago));
+            const Look past = look(policy.history_steps());
+            last = policy.act(look(0), past, policy.tracks(followed), ahead, path, robot.twist, last);
             adrl::Twist command = policy.velocity(last);
             std::vector<adrl::Hit> hits = hits_of(policy, looks.back().ranges);
             const std::array<adrl::Order, 1> until_next{adrl::Order{command, period}};

@@ -12,6 +12,7 @@
 #include "drive/kinematics.hpp"
 #include "safetensors.hpp"
 #include "world/motion_cue.hpp"
+#include "world/tracker.hpp"
 
 // A scan of the LiDAR the policy was trained with, and where odometry says the robot was.
 struct Look {
@@ -35,6 +36,8 @@ class Policy {
     double max_range() const { return lidar_[6]; }
     // Control periods between the two looks that motion cues compare; 0 for a policy without.
     int history_steps() const { return cue_ ? static_cast<int>(motion_[0]) : 0; }
+    // Looks that tracks() takes, one each control period; 0 for a policy without.
+    int num_followed() const { return tracks_ ? static_cast<int>(followed_[1]) + 1 : 0; }
     // How far ahead along the path the points lie that act() takes, metres; none for a policy that is told of no path.
     const std::vector<double> &path_points() const { return path_; }
     double period() const { return base_[0]; }  // of control, s
@@ -52,18 +55,50 @@ class Policy {
         return polygon;
     }
 
+    // What act() is told of what moves, by the last num_followed() looks, the oldest first; NaN where anything in them
+    // is no number. Throws std::invalid_argument for another number of looks or ranges.
+    std::vector<float> tracks(std::vector<Look> looks) const {
+        if (static_cast<int>(looks.size()) != num_followed())
+            throw std::invalid_argument("this policy follows " + std::to_string(num_followed()) + " looks");
+        if (!tracks_) return {};
+        std::vector<float> told(adrl::kNumbersOfTrack * static_cast<std::size_t>(tracks_->num_tracks()));
+        std::vector<const float *> ranges;
+        std::vector<adrl::Pose> poses;
+        for (Look &look : looks) {
+            const bool placed = within<double>({look.pose.x, look.pose.y, look.pose.theta}, -kGreatest, kGreatest);
+            if (!clip(look.ranges) || !placed) return std::vector<float>(told.size(), std::nanf(""));
+            ranges.push_back(look.ranges.data());
+            poses.push_back(look.pose);
+        }
+        tracks_->compute(ranges, poses, told.data());
+        for (std::size_t k = 0; k < told.size(); k += adrl::kNumbersOfTrack) {
+            const float away = std::hypot(told[k], told[k + 1]);
+            const float nearness = std::max(1.0F - std::log1p(away / scales_[1]) * scales_[2], 0.0F);
+            const float lasts = static_cast<float>(followed_[1] * base_[0]), fastest = adrl::kFastestMover;
+            const float toward = nearness / std::max(away, 1e-6F);
+            const float units[adrl::kNumbersOfTrack] = {toward, toward, 1.0F / fastest, 1.0F / fastest, 1.0F / lasts};
+            for (std::size_t n = 0; n < adrl::kNumbersOfTrack; ++n)
+                told[k + n] = std::clamp(told[k + n] * units[n], -1.0F, 1.0F);
+        }
+        return told;
+    }
+
     // Ranges of the trained beams in their order, clipped to their reach; goal, path: in the robot's frame, metres, the
     // path being the points that path_points() asks for, all of them the goal where no path is known; twist: measured;
-    // past: history_steps() control periods ago. The action is NaN where anything is, or anything but a range is
-    // beyond kGreatest: stop the robot. Throws std::invalid_argument for another number of ranges or points.
-    Action act(Look now, Look past, adrl::Vec2 goal, const std::vector<adrl::Vec2> &path, adrl::Twist twist,
-               Action last) const {
+    // past: history_steps() control periods ago; tracks: those of tracks(). The action is NaN where anything is, or
+    // anything but a range is beyond kGreatest: stop the robot. Throws std::invalid_argument for another number of
+    // ranges or points.
+    Action act(Look now, Look past, const std::vector<float> &tracks, adrl::Vec2 goal,
+               const std::vector<adrl::Vec2> &path, adrl::Twist twist, Action last) const {
         if (path.size() != path_.size())
             throw std::invalid_argument("this policy takes " + std::to_string(path_.size()) + " points of the path");
+        if (tracks.size() != tracks_size())
+            throw std::invalid_argument("this policy takes " + std::to_string(tracks_size()) + " numbers of tracks");
         std::vector<double> told{goal.x, goal.y, twist.v, twist.w, last.speed, last.turn};
         if (cue_) {
             for (const adrl::Pose &pose : {now.pose, past.pose}) told.insert(told.end(), {pose.x, pose.y, pose.theta});
         }
+        told.insert(told.end(), tracks.begin(), tracks.end());
         for (const adrl::Vec2 point : path) told.insert(told.end(), {point.x, point.y});
         const bool sound = clip(now.ranges) && (!cue_ || clip(past.ranges)) && within(told, -kGreatest, kGreatest);
         if (!sound) return {std::nanf(""), std::nanf("")};
@@ -79,6 +114,7 @@ class Policy {
             x.resize(known + extent_.size());
             cue_->compute(now.ranges.data(), now.pose, past.ranges.data(), past.pose, x.data() + known);
         }
+        x.insert(x.end(), tracks.begin(), tracks.end());
         for (const adrl::Vec2 point : path) {
             const double shortened = adrl::norm(point) + scales_[3];
             x.insert(x.end(), {static_cast<float>(point.x / shortened), static_cast<float>(point.y / shortened)});
@@ -110,7 +146,11 @@ class Policy {
 
     static constexpr double kGreatest = 1e6; // metres, m/s: a number beyond is a fault, as NaN is
     static constexpr double kLeast = 1e-6;   // of what is divided by
-    static constexpr double kMostBeams = 100000, kMostSteps = 10000;
+    static constexpr double kMostBeams = 100000, kMostSteps = 10000, kMostTracks = 1000;
+
+    std::size_t tracks_size() const {
+        return tracks_ ? adrl::kNumbersOfTrack * static_cast<std::size_t>(tracks_->num_tracks()) : 0;
+    }
 
     explicit Policy(const Safetensors &file)
         : beams_(file.read<std::int32_t>("encoder.beams")), extent_(file.read<float>("encoder.extent")),
@@ -131,6 +171,13 @@ class Policy {
             cue_.emplace(adrl::CueConfig{num_beams(), angle_min(), angle_increment(), mount(), max_range(),
                                          static_cast<int>(extent_.size()), motion_[1], motion_[2]});
         }
+        if (file.has("tracks")) {
+            followed_ = file.read<double>("tracks");
+            if (followed_.size() != 2 || !whole(followed_[0], kMostTracks) || !whole(followed_[1], kMostSteps))
+                file.fail("tracks: two numbers, how many and steps, are wanted");
+            tracks_.emplace(adrl::TracksConfig{num_beams(), angle_min(), angle_increment(), mount(), max_range(),
+                                               period(), static_cast<int>(followed_[0])});
+        }
         if (file.has("encoder.reach")) {
             reach_ = file.read<float>("encoder.reach");
             if (reach_.size() != 1 || !within(reach_, kLeast, kGreatest))
@@ -145,7 +192,7 @@ class Policy {
             body_ = file.read<float>("encoder.body");
             if (!within(body_, -kGreatest, kGreatest)) file.fail("encoder.body holds what is no number");
         }
-        std::size_t width = extent_.size() * (cue_ ? 2 : 1) + 8 + 2 * path_.size() + body_.size();
+        std::size_t width = extent_.size() * (cue_ ? 2 : 1) + 8 + tracks_size() + 2 * path_.size() + body_.size();
         for (const Layer &layer : layers_) {
             if (layer.weight.size() != width * layer.bias.size()) file.fail("layers do not fit");
             if (!within(layer.weight, -kGreatest, kGreatest) || !within(layer.bias, -kGreatest, kGreatest)) {
@@ -226,7 +273,8 @@ class Policy {
     std::vector<std::int32_t> beams_;
     std::vector<float> extent_, scales_;
     std::vector<float> reach_, body_; // of a policy of many robots: where its scale of ranges ends, what its robot is
-    std::vector<double> limits_, lidar_, base_, footprint_, motion_, path_;
+    std::vector<double> limits_, lidar_, base_, footprint_, motion_, followed_, path_;
     std::vector<Layer> layers_;
     std::optional<adrl::MotionCue> cue_;
+    std::optional<adrl::NearestTracks> tracks_;
 };

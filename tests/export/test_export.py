@@ -16,11 +16,16 @@ import pytest
 from adrl.deploy import MlpPolicy
 from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import load_policy, resolve_policy
+from adrl.deploy.setup import setup_of
+from adrl.envs import NavSim
 from adrl.errors import ConfigError
 from adrl.export.onnx_graph import to_onnx
 from adrl.export.plain import to_safetensors
+from adrl.observation import to_twist
+from adrl.observation.config import FOLLOWED_STEPS
 from adrl.types import RobotConfig
-from adrl.worlds import FAMILIES, ROBOTS
+from adrl.worlds import FAMILIES, ROBOTS, get_scenario, task_set
+from adrl.worlds.people import among_people
 from deploy.recorded import a_policy, a_policy_of_a_family
 from deploy.scan_rows import ScanRows, random_rows
 from export.test_onnx import by_onnxruntime, ours
@@ -114,6 +119,47 @@ def test_a_policy_of_a_family_acts_the_same_in_python_onnx_and_cpp(
     file.write_bytes(to_safetensors(policy, robot))
     theirs = velocities(programs, file, rows, with_motion=history_steps > 0, path=path)
     np.testing.assert_allclose(theirs / scale, velocity / scale, atol=2e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+@pytest.mark.parametrize("history_steps", [0, 2])
+@pytest.mark.parametrize("robot", ["diffbot", "jackal"])
+def test_the_cpp_example_finds_the_tracks(programs: Path, tmp_path: Path, robot: str, history_steps: int):
+    """From the same last scans, the first of them a robot's very first."""
+    body = ROBOTS[robot]
+    policy = a_policy(body, history_steps=history_steps, num_tracks=3)
+    file = tmp_path / "policy.safetensors"
+    file.write_bytes(to_safetensors(policy))
+    tasks = task_set(among_people(get_scenario("crowd"), 12, None, legs=False), body, "train", 3)
+    sim = NavSim(3, body, encoder=setup_of(policy).encoder)
+    sim.reset(np.arange(3), tasks, np.arange(3, dtype=np.uint64), np.random.default_rng(0))
+    rows, wanted, tracked = [], [], 0
+    for _ in range(25):
+        seen = sim.observe()
+        tracked += np.count_nonzero(seen[:, sim.encoder.places["tracks"]])
+        ranges, goal, twist, last_action, history, *_ = sim.measured()
+        assert history is not None
+        ends = [history.ends(ago) for ago in range(FOLLOWED_STEPS + 1)]
+        _, pose, past_ranges, past_pose = ends[history_steps]
+        motion = [past_ranges, pose, past_pose] if history_steps > 0 else []
+        followed = [
+            part for _, _, ranges_then, pose_then in reversed(ends) for part in (ranges_then, pose_then)
+        ]
+        rows.append(np.concatenate([ranges, goal, twist, last_action, *motion, *followed], axis=1))
+        action = policy.act(seen)
+        wanted.append(to_twist(action, body))
+        sim.step(action)
+    assert tracked > 100
+    text = "\n".join(" ".join(f"{n:.17g}" for n in row) for row in np.concatenate(rows))
+    done = act(programs, file, text)
+    assert done.returncode == 0, done.stderr
+    found = np.array([line.split() for line in done.stdout.splitlines()], dtype=np.float64)
+    scale = (body.max_speed_mps, body.max_yaw_rate_radps)
+    np.testing.assert_allclose(found / scale, np.concatenate(wanted) / scale, atol=2e-5)
+    drive = subprocess.run([programs / "adrl_drive", file], capture_output=True, text=True, check=False)
+    assert drive.returncode in (0, 1), drive.stderr
+    assert drive.stderr == ""
 
 
 def test_a_policy_of_a_family_is_exported_for_a_robot_that_is_named(
@@ -212,7 +258,10 @@ def checked_program(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of adrl_act that stops at what is undefined, outside of its memory or beyond an integer."""
     folder = tmp_path_factory.mktemp("checked")
     checks = ["-fsanitize=address,undefined,float-cast-overflow", "-fno-sanitize-recover=all"]
-    sources = [PROJECT / "examples" / "cpp" / "act.cpp", PROJECT / "core" / "world" / "motion_cue.cpp"]
+    sources = [
+        PROJECT / "examples" / "cpp" / "act.cpp",
+        *(PROJECT / "core" / "world" / name for name in ("motion_cue.cpp", "tracker.cpp")),
+    ]
     command = ["c++", "-std=c++20", "-g", *checks, f"-I{PROJECT / 'core'}", *map(str, sources)]
     done = subprocess.run(
         [*command, "-o", str(folder / "adrl_act")], capture_output=True, text=True, check=False
@@ -249,13 +298,14 @@ BAD_HEADERS = [
     ("lidar", {"dtype": "F32"}),
     ("encoder.extent", {"shape": [0], "data_offsets": [0, 0]}),
     ("motion", {"shape": [1], "data_offsets": [0, 8]}),
+    ("tracks", {"shape": [1], "data_offsets": [0, 8]}),
     ("layers.1.bias", {"shape": [0], "data_offsets": [0, 0]}),
 ]
 BAD_VALUES = [
     *[("lidar", value) for value in (np.nan, np.inf, -1.0, 0.0, 1e300, 180.5)],
     *[("limits", value) for value in (np.nan, 0.0)],
     *[("base", value) for value in (np.nan, 0.0)],
-    *[("motion", value) for value in (np.nan, 0.0, 1e18)],
+    *[(name, value) for name in ("motion", "tracks") for value in (np.nan, 0.0, 1e18)],
     ("encoder.scales", 0.0),
     ("encoder.extent", np.nan),
     ("encoder.beams", -1),
@@ -268,7 +318,7 @@ BAD_VALUES = [
 @pytest.mark.integration
 def test_the_cpp_example_survives_damaged_policies(checked_program: Path, tmp_path: Path):
     """Each is refused in one line that names the file; nothing undefined happens on the way."""
-    good = to_safetensors(a_policy(ROBOTS["diffbot"], history_steps=5))
+    good = to_safetensors(a_policy(ROBOTS["diffbot"], history_steps=5, num_tracks=2))
     cases = {f"{name} {change}": damaged(good, name, change) for name, change in BAD_HEADERS}
     cases |= {f"{name} {value}": damaged(good, name, value=value) for name, value in BAD_VALUES}
     cases |= {f"first {n} bytes": good[:n] for n in (4, 8, 30, 1000, len(good) - 1)}

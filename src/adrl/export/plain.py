@@ -7,10 +7,10 @@ from safetensors.numpy import save
 
 from adrl.deploy.policy import MlpPolicy
 from adrl.deploy.setup import setup_of
-from adrl.errors import ConfigError
 from adrl.export.onnx_graph import metadata
 from adrl.observation import ObservationEncoder
 from adrl.observation.body import Body
+from adrl.observation.config import FOLLOWED_STEPS
 from adrl.observation.motion import cue_settings
 from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.types import RobotConfig
@@ -26,13 +26,12 @@ def to_safetensors(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes
     near_m), goal_scale_m; limits: greatest speed, least speed, greatest yaw rate; lidar, float64: beams, angle_min,
     angle_increment, mount x, y, yaw, greatest range; base, float64: control period, greatest acceleration and yaw
     acceleration, lag, latency; footprint, float64: radius (1,), or corners (C, 2); with motion cues motion, float64:
-    steps, margin, scale. Where the scan's scale is the same for all robots, encoder.scales has that greatest range for
-    its third number, and encoder.reach is it; where the policy is told of the body, encoder.body is that. Where it is
-    told the path, encoder.path, float64, is how far ahead its points lie.
+    steps, margin, scale; with tracks tracks, float64: how many, and the steps between the first and the last of the
+    scans that they are found in. Where the scan's scale is the same for all robots, encoder.scales has that greatest
+    range for its third number, and encoder.reach is it; where the policy is told of the body, encoder.body is that.
+    Where it is told the path, encoder.path, float64, is how far ahead its points lie.
     """
     setup = setup_of(policy)
-    if setup.encoder.num_tracks > 0:
-        raise ConfigError("a policy that sees tracks has no plain form; export it as ONNX")
     robot, config = setup.exported_for(robot), setup.encoder
     encoder, lidar = ObservationEncoder(robot, config), robot.lidar
     greatest = lidar.max_range_m
@@ -59,6 +58,8 @@ def to_safetensors(policy: MlpPolicy, robot: RobotConfig | None = None) -> bytes
         tensors["motion"] = np.array([config.history_steps, cue.margin_m, cue.scale_m], np.float64)
     if config.reach_m is not None:
         tensors["encoder.reach"] = np.array([config.reach_m], np.float32)
+    if config.num_tracks > 0:
+        tensors["tracks"] = np.array([config.num_tracks, FOLLOWED_STEPS], np.float64)
     if config.path:
         tensors["encoder.path"] = PATH_POINTS_M
     if config.body:
