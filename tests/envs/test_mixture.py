@@ -154,6 +154,11 @@ def test_experts_drive_every_row() -> None:
     assert demonstrations.success.any()
     for name in ("slow", "noisy", "half-wise"):
         assert np.isfinite(find_expert(name).driver(env, 0).actions()).all()
+    cautious, mapless = (find_expert(name).driver(env, 0).actions() for name in ("cautious", "mapless"))
+    on_map = env.sim.rows.on_map
+    assert 0 < on_map.sum() < len(on_map)
+    np.testing.assert_array_equal(cautious[on_map], mapless[on_map])
+    assert np.any(cautious[~on_map] != mapless[~on_map])
     with pytest.raises(ConfigError, match="narrow-shy drives one robot"):
         find_expert("narrow-shy").driver(env, 0)
     assert best_planner(env).success > 0.5

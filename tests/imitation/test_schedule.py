@@ -21,6 +21,7 @@ from adrl.imitation.schedule import (
     measured_maturity,
     update,
 )
+from adrl.runs import RunConfig
 
 CONFIG = ScheduleConfig()
 unit = st.floats(0.0, 1.0)
@@ -52,6 +53,8 @@ def test_a_tenth_of_the_cloning_stays_where_the_policy_is_shown_the_way():
     left = math.exp(-CONFIG.k_q)
     assert math.isclose(lambda_bc(at(1.0), CONFIG.under("map")), CONFIG.lambda_max * (0.1 + 0.9 * left))
     assert math.isclose(lambda_bc(at(1.0), CONFIG.under("goal")), CONFIG.lambda_max * left)
+    for guidance, floor in (("map", 0.1), ("goal", 0.0), ("replan", 0.0), ("map,goal", 0.0)):
+        assert RunConfig(guidance=guidance).resolved().schedule.lambda_floor == floor
     given = ScheduleConfig(lambda_floor=0.3)
     assert given.under("map").lambda_floor == given.under("goal").lambda_floor == 0.3
 

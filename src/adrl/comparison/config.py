@@ -88,7 +88,8 @@ class CompareConfig(RunConfig):
     resume: tyro.conf.Suppress[bool] = False
     """Set for each job."""
     shares_compiled: tyro.conf.Suppress[bool] = False
-    """Whether the jobs share compiled programs: for a budget in steps, where nobody asks how long a run took."""
+    """Whether the jobs of this machine share compiled programs, so that seconds of training depend on which job was the
+    first: for a budget in steps, where nobody asks for them. On Ray each has its own."""
     learner: Annotated[TrainConfig, tyro.conf.arg(name="")] = field(
         default_factory=lambda: TrainConfig(eval_interval_steps=EVAL_INTERVAL_STEPS)
     )

@@ -25,9 +25,8 @@ def log_path(config: CompareConfig, job: Job) -> Path:
 
 
 def cache_path(config: CompareConfig, job: Job) -> Path:
-    """Where JAX keeps the job's compiled programs, for as long as it runs, or the comparison where they are shared.
-
-    Else it is one of its own: where wall clock is measured each has to pay for its compilation.
+    """Where JAX keeps compiled programs: in a folder of the job's own, gone when it ends, so that each job pays for its
+    compilation; with shares_compiled in one for all, gone at the end.
     """
     folder = config.out / CACHE_FOLDER
     return folder if config.shares_compiled else folder / job.name
@@ -74,11 +73,9 @@ def run_all(config: CompareConfig, jobs: Sequence[Job], tell: Callable[[int, int
 
 
 def cache_environment(config: CompareConfig, job: Job) -> dict[str, str]:
-    """Has JAX keep there what took longer to compile than to read."""
-    return {
-        "JAX_COMPILATION_CACHE_DIR": str(cache_path(config, job).absolute()),
-        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2",
-    }
+    """Has JAX keep compiled programs in cache_path; where others read them, those that compile quickly, too."""
+    folder = {"JAX_COMPILATION_CACHE_DIR": str(cache_path(config, job).absolute())}
+    return folder | ({"JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.2"} if config.shares_compiled else {})
 
 
 def _start(config: CompareConfig, job: Job, core: int) -> processes.Process:

@@ -1,7 +1,7 @@
 """Experts: who shows how to drive. The planner, and what people and poor planners make of its commands.
 
-Each is a small class with at most one number. All but `cautious` make something of the robot's best planner. What an
-expert does wrong follows from its seed, for all robots at once.
+Each is a small class with at most one number. All but `cautious` and `mapless` make something of the robot's best
+planner. What an expert does wrong follows from its seed, for all robots at once.
 """
 
 import inspect
@@ -231,7 +231,7 @@ class Cautious(_Named):
         return _CautiousDriver(env, self.repulsion)
 
 
-def cautious(robot: RobotConfig, repulsion: float) -> "_core.MppiConfig":
+def repulsive_mppi(repulsion: float, robot: RobotConfig) -> "_core.MppiConfig":
     """MPPI's constants for a robot, with so many times its repulsion."""
     config = mppi_config(robot)
     config.repulsion_weight *= repulsion
@@ -241,8 +241,7 @@ def cautious(robot: RobotConfig, repulsion: float) -> "_core.MppiConfig":
 class _CautiousDriver(Driver):
     def __init__(self, env: "NavVectorEnv", repulsion: float) -> None:
         super().__init__(env)
-
-        self._control = env.sim.local_control(partial(cautious, repulsion=repulsion))
+        self._control = env.sim.local_control(partial(repulsive_mppi, repulsion))
         self._starts = EpisodeStarts(env)
 
     def advising(self) -> AbstractContextManager[None]:
@@ -255,9 +254,10 @@ class _CautiousDriver(Driver):
 
 @dataclass(frozen=True)
 class Mapless(Cautious):
-    """As cautious; but where the policy has the goal alone, it goes by a map of its own of what it has seen.
+    """As cautious; but where the policy does not know the map, it goes by one of its own, of what it has seen.
 
-    So it shows no way round what nobody in its place could know of.
+    So it shows no way round what nobody in its place could know of. S is measured against what it earns from amid its
+    drives with an empty map: its maps are no part of the states that the probe goes back to.
     """
 
     def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
@@ -269,15 +269,18 @@ class _MaplessDriver(_CautiousDriver):
     def __init__(self, env: "NavVectorEnv", repulsion: float) -> None:
         super().__init__(env, repulsion)
         sim = env.sim
-        self._own = sim.local_control(partial(cautious, repulsion=repulsion))
-        robots = [kind.robot for kind in sim.kinds]
-        self._driver = OwnMapDriver(
-            env.num_envs, robots, self._own, OWN_MAP, num_threads=sim.num_threads, kind=sim.b["kind"]
+        self._mapless = OwnMapDriver(
+            env.num_envs,
+            [kind.robot for kind in sim.kinds],
+            sim.local_control(partial(repulsive_mppi, repulsion)),
+            OWN_MAP,
+            num_threads=sim.num_threads,
+            kind=sim.b["kind"],
         )
 
     @contextmanager
     def advising(self) -> Iterator[None]:
-        with super().advising(), self._own.advising():
+        with super().advising(), self._mapless.control.advising():
             yield
 
     def actions(self) -> F32:
@@ -286,11 +289,13 @@ class _MaplessDriver(_CautiousDriver):
         self._control.restart(begun)
         if len(begun) > 0:
             goals = np.array([env.task(int(i)).goal for i in env.task_index[begun]])
-            self._driver.restart(begun, goals, b["odometry"][begun])
+            self._mapless.restart(begun, goals, b["odometry"][begun])
         knows = env.sim.rows.on_map
-        commands = self._driver.commands(b["ranges"], b["odometry"], b["twist"], ~knows)
-        of_its_own = to_action(commands, env.sim.rows.known)
-        return np.where(knows[:, None], env.sim.planned_actions(self._control), of_its_own)
+        commands = self._mapless.commands(b["ranges"], b["odometry"], b["twist"], ~knows)
+        actions = to_action(commands, env.sim.rows.known)
+        if knows.any():
+            actions[knows] = env.sim.planned_actions(self._control)[knows]
+        return actions
 
 
 PERFECT = "perfect"

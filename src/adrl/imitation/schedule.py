@@ -60,9 +60,9 @@ class ScheduleConfig:
     k_q: Annotated[float, Range(0.0, 1e6)] = 10.0
     """k_q of eq 5: what is released of lambda falls by exp(-k_q) from S = 0 to S = 1; 0 to 1e+06."""
     lambda_floor: Annotated[float, Range(0.0, 1.0)] | None = None
-    """Share of lambda_max that is never released: the weak regulariser of the autonomy phase. None: 0.1 where guidance
-    map shows the policy the way, as it would unlearn there what its own noise spares it in training; else 0, as the
-    expert knows a map that the policy does not (docs/decisions.md); 0 to 1."""
+    """Share of lambda_max that is never released: the weak regulariser of the autonomy phase. None: 0.1 with guidance
+    map alone, where a policy would unlearn what its own noise spares it in training; 0 with any other, and where no
+    guidance is known, as the expert knows a map that the policy does not (docs/decisions.md); 0 to 1."""
     warmup_updates: Annotated[int, Range(0, 1_000_000_000)] = 0
     """Updates during which S stays 0: the critic starts cold and its values mean nothing yet; 0 to 1e+09."""
     smoothing_updates: Annotated[float, Range(0.001, 1e9)] = 200.0
