@@ -25,8 +25,6 @@ REWARDS: dict[Reward, RewardConfig] = {
     "dense": RewardConfig(),
     "terminal": RewardConfig(extra_terms=("no-approach",)),
 }
-STEPS = {"clutter": 20_480, "complex": 40_960}
-"""Budget of a place."""
 GUIDANCE = {"clutter": "goal", "complex": "map"}
 """Of a place. Without the map dead ends decide in complex, not the methods: docs/reproduce.md."""
 
@@ -40,11 +38,8 @@ class Cell:
     reward: Reward
     place: Literal["clutter", "complex"]
     robot: Literal["diffbot", "jackal"]
-
-    @property
-    def steps(self) -> int:
-        """Budget of every method in environment steps, the demonstrations not counted."""
-        return STEPS[self.place]
+    steps: int
+    """Budget of every method in environment steps, the demonstrations not counted."""
 
     @property
     def name(self) -> str:
@@ -77,25 +72,26 @@ def _cell(
     reward: Reward,
     place: Literal["clutter", "complex"],
     robot: Literal["diffbot", "jackal"],
+    steps: int,
 ) -> Cell:
-    return Cell(expert=expert, reward=reward, place=place, robot=robot)
+    return Cell(expert=expert, reward=reward, place=place, robot=robot, steps=steps)
 
 
 CELLS: dict[str, Cell] = {
     cell.name: cell
     for cell in (
-        _cell("perfect", "terminal", "clutter", "diffbot"),
-        _cell("perfect", "dense", "complex", "jackal"),
-        _cell("slow:0.5", "dense", "clutter", "diffbot"),
-        _cell("slow:0.5", "terminal", "complex", "jackal"),
-        _cell("noisy:0.3", "dense", "clutter", "jackal"),
-        _cell("noisy:0.3", "terminal", "complex", "diffbot"),
-        _cell("narrow-shy:0.75", "terminal", "clutter", "jackal"),
-        _cell("narrow-shy:0.75", "dense", "complex", "diffbot"),
-        _cell("half-wise:0.5", "terminal", "clutter", "diffbot"),
-        _cell("half-wise:0.5", "dense", "complex", "jackal"),
-        _cell("few:5", "dense", "clutter", "diffbot"),
-        _cell("few:5", "terminal", "complex", "jackal"),
+        _cell("perfect", "terminal", "clutter", "diffbot", 65_536),
+        _cell("perfect", "dense", "complex", "jackal", 65_536),
+        _cell("slow:0.5", "dense", "clutter", "diffbot", 65_536),
+        _cell("slow:0.5", "terminal", "complex", "jackal", 65_536),
+        _cell("noisy:0.3", "dense", "clutter", "jackal", 20_480),
+        _cell("noisy:0.3", "terminal", "complex", "diffbot", 65_536),
+        _cell("narrow-shy:0.75", "terminal", "clutter", "jackal", 65_536),
+        _cell("narrow-shy:0.75", "dense", "complex", "diffbot", 65_536),
+        _cell("half-wise:0.5", "terminal", "clutter", "diffbot", 20_480),
+        _cell("half-wise:0.5", "dense", "complex", "jackal", 65_536),
+        _cell("few:5", "dense", "clutter", "diffbot", 20_480),
+        _cell("few:5", "terminal", "complex", "jackal", 65_536),
     )
 }
 """Name -> cell."""
