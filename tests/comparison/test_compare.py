@@ -496,6 +496,16 @@ def test_s_of_every_method_has_the_bounds_of_the_same_expert(
     assert bounds[0] == bounds[1]
 
 
+def workers_run(monkeypatch: pytest.MonkeyPatch, code: str) -> None:
+    """Have the processes of jobs run this instead."""
+    real = subprocess.Popen
+
+    def popen(command: list[str], **options: Any) -> Any:
+        return real([command[0], "-c", code], **options)
+
+    monkeypatch.setattr(subprocess, "Popen", popen)
+
+
 def test_each_job_compiles_into_a_folder_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Empty at its start, also where a killed comparison left something, and gone at its end."""
     config = CompareConfig(methods="td3", seeds=2, learner=BUDGET, out=tmp_path / "out", workers=1)
@@ -507,12 +517,7 @@ def test_each_job_compiles_into_a_folder_of_its_own(tmp_path: Path, monkeypatch:
         "import os, pathlib; folder = pathlib.Path(os.environ['JAX_COMPILATION_CACHE_DIR']); "
         "print(folder.exists(), folder); folder.mkdir(parents=True); (folder / 'new').touch()"
     )
-    real = subprocess.Popen
-
-    def popen(command: list[str], **options: Any) -> Any:
-        return real([command[0], "-c", looks_and_writes], **options)
-
-    monkeypatch.setattr(subprocess, "Popen", popen)
+    workers_run(monkeypatch, looks_and_writes)
     assert run_all(config, jobs, lambda ended, running: None) == jobs, "none wrote a result"
     for job in jobs:
         assert log_path(config, job).read_text() == f"False {cache_path(config, job)}\n"
@@ -533,12 +538,7 @@ def test_jobs_that_share_compiled_programs_find_those_of_the_jobs_before(
         "folder.mkdir(parents=True, exist_ok=True); print(len(list(folder.iterdir()))); "
         "(folder / str(os.getpid())).touch()"
     )
-    real = subprocess.Popen
-
-    def popen(command: list[str], **options: Any) -> Any:
-        return real([command[0], "-c", looks_and_writes], **options)
-
-    monkeypatch.setattr(subprocess, "Popen", popen)
+    workers_run(monkeypatch, looks_and_writes)
     jobs = all_jobs(config)
     run_all(config, jobs, lambda ended, running: None)
     assert [int(log_path(config, job).read_text()) for job in jobs] == list(range(len(jobs)))
