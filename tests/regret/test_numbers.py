@@ -85,7 +85,7 @@ def test_two_cells_by_hand() -> None:
 
 
 def test_cells_tell_their_pairs() -> None:
-    rows = cell_rows(TWO_CELLS, {"c0": [9.0, np.nan], "c1": [29.0, 19.0]})
+    rows = cell_rows(TWO_CELLS, {"c0": [9.0, None], "c1": [29.0, 19.0]})
     assert [(row["cell"], row["method"]) for row in rows] == list(
         itertools.product(["c0", "c1"], ["m0", "m1"])
     )

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from adrl.comparison.config import CompareConfig
 from adrl.errors import CheckpointError, ConfigError
 from adrl.regret.cells import CELLS
 from adrl.regret.page import write_page
-from adrl.regret.regret import missing, penalised_time_s, preset, regret, scores
+from adrl.regret.regret import CellScores, kept, missing, penalised_time_s, preset, regret, scores
 from adrl.worlds import load_robot, task_set
 from small_run import contents, run_cli
 from waiting import wait_until
@@ -87,6 +88,7 @@ def test_a_killed_one_goes_on_and_tells_what_the_episodes_give(tmp_path: Path) -
     for refused in (regret, scores):
         with pytest.raises(ConfigError, match="episodes: 6 there, 5 here"):
             refused(other)
+    check_kept(comparisons, out, tmp_path / "copy")
     broken = out / CELL_NAMES[0] / "td3-s1" / "episodes.parquet"
     table = pq.read_table(broken)
     pq.write_table(table.slice(1), broken)
@@ -95,6 +97,53 @@ def test_a_killed_one_goes_on_and_tells_what_the_episodes_give(tmp_path: Path) -
     pq.write_table(table.drop_columns(["success"]), broken)
     with pytest.raises(CheckpointError, match=r"td3-s1.*success"):
         scores(comparisons)
+
+
+def check_kept(comparisons: dict[str, CompareConfig], out: Path, copy: Path) -> None:
+    """Two files of each cell say as much as its runs, and no run is repeated."""
+    for cell in CELL_NAMES:
+        (copy / cell).mkdir(parents=True)
+        for name in ("settings.json", "scores.json"):
+            shutil.copy(out / cell / name, copy / cell)
+    elsewhere = {cell: replace(config, out=copy / cell) for cell, config in comparisons.items()}
+    before = contents(copy)
+    assert missing(elsewhere) == {}
+    assert regret(elsewhere) == {}
+    assert contents(copy) == before
+    write_page(elsewhere, copy)
+    assert (copy / "regret.json").read_bytes() == (out / "regret.json").read_bytes()
+    with pytest.raises(ConfigError, match="episodes: 6 there, 5 here"):
+        scores({cell: replace(config, episodes=5) for cell, config in elsewhere.items()})
+    others = {cell: replace(config, methods="adrl", out=copy / cell) for cell, config in elsewhere.items()}
+    assert missing(others)[CELL_NAMES[0]] == ["adrl-s0", "adrl-s1"]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"success": [[0.5]]}, "not a number for each"),
+        ({"success": [[0.5, 0.25], [0.5]]}, "scores.json"),
+        ({"time_s": None}, "time_s"),
+        ({"common_time_s": [None]}, "not a number for each"),
+    ],
+)
+def test_scores_that_are_broken_are_refused(tmp_path: Path, change: dict[str, object], said: str) -> None:
+    config = tiny(tmp_path)[CELL_NAMES[0]]
+    whole = CellScores(
+        schema_version=1,
+        methods=["adrl", "td3"],
+        seeds=2,
+        success=[[0.5, 0.25], [0.5, 1.0]],
+        time_s=[[9.0, 8.0], [7.0, 6.0]],
+        common_time_s=[5.0, None],
+    )
+    config.out.mkdir()
+    path = config.out / "scores.json"
+    path.write_text(json.dumps(whole))
+    assert kept(config) == whole
+    path.write_text(json.dumps({**whole, **change}))
+    with pytest.raises(CheckpointError, match=said):
+        kept(config)
 
 
 def check_page(comparisons: dict[str, CompareConfig], out: Path) -> None:

@@ -84,7 +84,7 @@ def method_rows(scores: Scores) -> list[dict[str, Any]]:
     return rows
 
 
-def cell_rows(scores: Scores, common_s: Mapping[str, Sequence[float]]) -> list[dict[str, Any]]:
+def cell_rows(scores: Scores, common_s: Mapping[str, Sequence[float | None]]) -> list[dict[str, Any]]:
     """A row a cell and method: its means with intervals over seeds, its regret, and its pair with the first method.
 
     common_s: cell -> each method's mean time, in the order of the methods, over the tasks that all runs of the cell
@@ -98,7 +98,7 @@ def cell_rows(scores: Scores, common_s: Mapping[str, Sequence[float]]) -> list[d
             row: dict[str, Any] = {"cell": cell, "method": method}
             row |= entry("success", seed_mean(scores.success[c, m]))
             row |= entry("time_s", seed_mean(scores.time_s[c, m]))
-            row["common_time_s"] = finite(common_s[cell][m])
+            row["common_time_s"] = common_s[cell][m]
             for outcome, loss in found.items():
                 row[f"regret_{outcome}"] = finite(float(by_seed[outcome][c, m].mean()))
                 difference = None if m == 0 else seed_mean(loss[c, m] - loss[c, 0])

@@ -9,12 +9,11 @@ from matplotlib.figure import Figure
 from adrl import files
 from adrl.comparison.config import CompareConfig
 from adrl.regret.numbers import OUTCOMES, cell_rows, method_rows
-from adrl.regret.regret import ENOUGH_SEEDS, missing, scores
+from adrl.regret.regret import ENOUGH_SEEDS, SCHEMA_VERSION, missing, scores
 from adrl.report.figures import blank_figure, line_style, save
 from adrl.report.markdown import cell as text_of
 from adrl.report.markdown import plain, table
 
-SCHEMA_VERSION = 1
 RESULTS_FILE, PAGE_FILE, FIGURE_FILE = "regret.json", "README.md", "regret.png"
 UNITS = {"success": "points", "time": "%"}
 NOTE = (

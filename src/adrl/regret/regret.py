@@ -4,14 +4,17 @@ import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 
+from adrl import files
 from adrl.comparison.compare import claim, compare, require_same
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.jobs import Job, all_jobs, is_finished
 from adrl.comparison.results import outcomes
-from adrl.errors import CheckpointError
+from adrl.errors import CheckpointError, FileError
+from adrl.json_files import read_json
 from adrl.registry import look_up
 from adrl.regret.cells import CELLS
 from adrl.regret.numbers import Array, Scores
@@ -28,6 +31,22 @@ ENOUGH_SEEDS = 10
 COLUMNS = ("success", "time_s", "shortest_m")
 """What is needed of an episode."""
 QUICK_STEPS, QUICK_EPISODES, QUICK_SEEDS = 4096, 20, 2
+SCORES_FILE = "scores.json"
+SCHEMA_VERSION = 1
+
+
+class CellScores(TypedDict):
+    """What the runs of one complete cell measured, as it stands in its SCORES_FILE: M methods, S seeds."""
+
+    schema_version: int
+    methods: list[str]
+    seeds: int
+    success: list[list[float]]
+    """(M, S) share of the test tasks solved."""
+    time_s: list[list[float]]
+    """(M, S) mean time a task, the time limit where it was not solved."""
+    common_time_s: list[float | None]
+    """(M) mean time over the tasks that all runs solved; None where there is no such task."""
 
 
 def preset(
@@ -70,8 +89,13 @@ def regret(
     total = sum(map(len, jobs.values()))
     failed: dict[str, Path] = {}
     for cell, config in comparisons.items():
+        if kept(config) is not None:
+            continue
         elsewhere = sum(
-            is_finished(comparisons[name], job) for name in jobs if name != cell for job in jobs[name]
+            kept(comparisons[name]) is not None or is_finished(comparisons[name], job)
+            for name in jobs
+            if name != cell
+            for job in jobs[name]
         )
 
         def tell(done: int, running: int, _: int, elsewhere: int = elsewhere) -> None:
@@ -80,23 +104,52 @@ def regret(
 
         result = compare(config, tell)
         failed |= {f"{cell}/{job}": log for job, log in result.failed.items()}
+        if not _lacking(config):
+            files.write_json(config.out / SCORES_FILE, _measured(config))
     return failed
 
 
 def missing(comparisons: Mapping[str, CompareConfig]) -> dict[str, list[str]]:
     """cell -> its trainings that have no result; no entry for a complete cell."""
     lacking = {
-        cell: [job.name for job in _trainings(config) if not is_finished(config, job)]
-        for cell, config in comparisons.items()
+        cell: [] if kept(config) is not None else _lacking(config) for cell, config in comparisons.items()
     }
     return {cell: names for cell, names in lacking.items() if names}
+
+
+def _lacking(config: CompareConfig) -> list[str]:
+    return [job.name for job in _trainings(config) if not is_finished(config, job)]
 
 
 def _trainings(config: CompareConfig) -> list[Job]:
     return [job for job in all_jobs(config) if job.seed is not None]
 
 
-def scores(comparisons: Mapping[str, CompareConfig]) -> tuple[Scores, dict[str, list[float]]] | None:
+def kept(config: CompareConfig) -> CellScores | None:
+    """The scores that stand in the cell's folder, of the same methods and seeds: its runs may be gone then.
+
+    Raises CheckpointError for a broken file.
+    """
+    path = config.out / SCORES_FILE
+    if not path.exists():
+        return None
+    methods, shape = list(config.method_names), (len(config.method_names), config.seeds)
+    try:
+        content = read_json(path, CellScores)
+        if (content["methods"], content["seeds"]) != (methods, config.seeds):
+            return None
+        if any(np.shape(content[name]) != shape for name in ("success", "time_s")) or len(
+            content["common_time_s"]
+        ) != len(methods):
+            raise FileError("holds not a number for each method and seed")
+    except (FileError, ValueError) as error:
+        raise CheckpointError(
+            f"{path} {error}; delete it, and the scores are made anew from the cell's runs"
+        ) from None
+    return content
+
+
+def scores(comparisons: Mapping[str, CompareConfig]) -> tuple[Scores, dict[str, list[float | None]]] | None:
     """What the complete cells measured, and cell -> each method's Av.T over the tasks that all runs of the cell solved.
 
     A cell counts when every method has every seed: a part would compare methods over different seeds. None where no
@@ -106,23 +159,37 @@ def scores(comparisons: Mapping[str, CompareConfig]) -> tuple[Scores, dict[str, 
     complete = {cell: config for cell, config in comparisons.items() if cell not in lacking}
     if not complete:
         return None
-    success, time_s, common_s = [], [], {}
+    found: dict[str, CellScores] = {}
     for cell, config in complete.items():
         require_same(config, config.out)
-        runs = _columns(config)
-        robot = config.one_robot
-        success.append(runs["success"].mean(axis=2))
-        time_s.append(penalised_time_s(runs, robot).mean(axis=2))
-        solved = runs["success"].all(axis=(0, 1))
-        common = (
-            runs["time_s"][:, :, solved].mean(axis=(1, 2))
+        # The runs first: what was kept of them is only a copy.
+        stored = kept(config) if _lacking(config) else None
+        found[cell] = stored or _measured(config)
+    together = Scores(
+        cells=tuple(complete),
+        methods=next(iter(complete.values())).method_names,
+        success=np.array([cell["success"] for cell in found.values()]),
+        time_s=np.array([cell["time_s"] for cell in found.values()]),
+    )
+    return together, {cell: content["common_time_s"] for cell, content in found.items()}
+
+
+def _measured(config: CompareConfig) -> CellScores:
+    """Of a complete cell, from the episodes of its runs. Raises CheckpointError."""
+    runs = _columns(config)
+    solved = runs["success"].all(axis=(0, 1))
+    return CellScores(
+        schema_version=SCHEMA_VERSION,
+        methods=list(config.method_names),
+        seeds=config.seeds,
+        success=runs["success"].mean(axis=2).tolist(),
+        time_s=penalised_time_s(runs, config.one_robot).mean(axis=2).tolist(),
+        common_time_s=(
+            runs["time_s"][:, :, solved].mean(axis=(1, 2)).tolist()
             if solved.any()
-            else np.full(len(config.method_names), np.nan)
-        )
-        common_s[cell] = common.tolist()
-    methods = next(iter(complete.values())).method_names
-    found = Scores(cells=tuple(complete), methods=methods, success=np.array(success), time_s=np.array(time_s))
-    return found, common_s
+            else [None] * len(config.method_names)
+        ),
+    )
 
 
 def _columns(config: CompareConfig) -> dict[str, Array]:
