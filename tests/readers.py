@@ -27,7 +27,7 @@ from adrl.descriptions import (
 )
 from adrl.envs import NavVectorEnv
 from adrl.errors import FileError
-from adrl.evaluation.traces import read_traces
+from adrl.evaluation.trace_file import read_traces
 from adrl.imitation import Source, collect, load_minari, recorded_worlds, save_minari
 from adrl.report.html import page
 from adrl.report.metrics_log import read_metrics

@@ -13,7 +13,7 @@ from adrl.evaluation.evaluate import evaluate
 from adrl.evaluation.family import evaluate_family
 from adrl.evaluation.metrics import RATES
 from adrl.evaluation.results import read_episodes
-from adrl.evaluation.traces import read_traces
+from adrl.evaluation.trace_file import read_traces
 from adrl.types import RobotConfig, Task
 from adrl.worlds import FAMILIES, RobotFamily, get_scenario, load_robot, task_set
 from small_run import run_cli

@@ -12,7 +12,8 @@ from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.results import RunMeta, compare_paired, comparison_table, summarise
 from adrl.evaluation.rollout import rollout
 from adrl.evaluation.social import _to_footprint
-from adrl.evaluation.traces import TraceRecorder, read_traces, write_traces
+from adrl.evaluation.trace_file import read_traces, write_traces
+from adrl.evaluation.traces import TraceRecorder
 from adrl.types import People, RobotConfig, Task, World
 from adrl.worlds import ROBOTS
 

@@ -14,7 +14,8 @@ from adrl.envs import Setting
 from adrl.errors import CheckpointError
 from adrl.evaluation.metrics import RATES, Episodes
 from adrl.evaluation.rollout import rollout
-from adrl.evaluation.traces import TraceRecorder, Traces, read_traces, write_traces
+from adrl.evaluation.trace_file import read_traces, write_traces
+from adrl.evaluation.traces import TraceRecorder, Traces
 from adrl.rewards import REWARD_TERMS, RewardConfig
 from adrl.types import OccupancyGrid, RobotConfig, Task, World
 from adrl.worlds import get_scenario, single_task, task_set

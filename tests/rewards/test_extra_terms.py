@@ -16,7 +16,7 @@ from adrl.agents.config import Td3Config
 from adrl.agents.replay import Replay
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError, DatasetError, UnknownName
-from adrl.evaluation.traces import read_traces
+from adrl.evaluation.trace_file import read_traces
 from adrl.imitation import Demonstrations, Source, collect, load_minari, save_minari
 from adrl.report.document import document
 from adrl.report.source import read_source

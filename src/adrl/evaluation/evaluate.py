@@ -30,7 +30,8 @@ from adrl.evaluation.results import (
 )
 from adrl.evaluation.rollout import PrivilegedPolicy, Recorder, Rollout, rollout
 from adrl.evaluation.supervised import Supervised
-from adrl.evaluation.traces import TRACES_FILE, TraceRecorder, Traces, write_traces
+from adrl.evaluation.trace_file import TRACES_FILE, write_traces
+from adrl.evaluation.traces import TraceRecorder, Traces
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.rewards import RewardConfig, RewardTerm

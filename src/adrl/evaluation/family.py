@@ -28,7 +28,8 @@ from adrl.evaluation.results import (
     write_table,
 )
 from adrl.evaluation.rollout import CHUNK, PrivilegedPolicy, rollout
-from adrl.evaluation.traces import TRACES_FILE, Traces, write_traces
+from adrl.evaluation.trace_file import TRACES_FILE, write_traces
+from adrl.evaluation.traces import Traces
 from adrl.observation import EncoderConfig
 from adrl.processes import usable_cores
 from adrl.types import Policy, RobotConfig, Scenario, Task
