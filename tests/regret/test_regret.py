@@ -189,6 +189,16 @@ def test_nothing_complete_says_nothing(tmp_path: Path) -> None:
     comparisons = tiny(tmp_path)
     assert scores(comparisons) is None
     assert missing(comparisons)[CELL_NAMES[0]] == ["adrl-s0", "td3-s0", "adrl-s1", "td3-s1"]
+    done = tmp_path / CELL_NAMES[0] / "adrl-s0" / "summary.json"
+    done.parent.mkdir(parents=True)
+    done.write_text("{}")
+    write_page(comparisons, tmp_path)
+    page = (tmp_path / "README.md").read_text()
+    assert (
+        f"`{CELL_NAMES[0]}` is not in the tables: 3 of its 4 trainings are missing, td3-s0, adrl-s1, td3-s1."
+        in page
+    )
+    assert f"`{CELL_NAMES[1]}` is not in the tables: it has not been run." in page
 
 
 class TestCommand:

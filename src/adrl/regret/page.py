@@ -15,6 +15,8 @@ from adrl.report.markdown import cell as text_of
 from adrl.report.markdown import plain, table
 
 RESULTS_FILE, PAGE_FILE, FIGURE_FILE = "regret.json", "README.md", "regret.png"
+NAMED = 8
+"""Missing trainings that are named."""
 UNITS = {"success": "points", "time": "%"}
 NOTE = (
     "Regret: how much worse than the best method of the cell, mean over cells. Success: in points. Time: the mean time "
@@ -67,8 +69,19 @@ def _page(content: Mapping[str, Any]) -> str:
         lines += [f"![Regret of each method]({FIGURE_FILE})", "", *_cells(content)]
     lines += ["## Cells", "", *(f"- `{name}`: {title}" for name, title in content["cells"].items()), ""]
     for name, jobs in content["missing"].items():
-        lines += [f"`{name}` is not in the tables: it lacks {', '.join(jobs)}.", ""]
+        lines += [
+            f"`{name}` is not in the tables: {_lacking(jobs, len(content['methods']) * content['seeds'])}.",
+            "",
+        ]
     return "\n".join(lines)
+
+
+def _lacking(jobs: Sequence[str], trainings: int) -> str:
+    """Of the trainings of a cell."""
+    if len(jobs) == trainings:
+        return "it has not been run"
+    named = ", ".join(jobs[:NAMED]) + (", ..." if len(jobs) > NAMED else "")
+    return f"{len(jobs)} of its {trainings} trainings are missing, {named}"
 
 
 def _methods(rows: Sequence[Mapping[str, Any]]) -> list[str]:
