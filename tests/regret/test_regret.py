@@ -8,6 +8,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import ANY
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -114,34 +115,68 @@ def check_kept(comparisons: dict[str, CompareConfig], out: Path, copy: Path) -> 
     assert (copy / "regret.json").read_bytes() == (out / "regret.json").read_bytes()
     with pytest.raises(ConfigError, match="episodes: 6 there, 5 here"):
         scores({cell: replace(config, episodes=5) for cell, config in elsewhere.items()})
-    others = {cell: replace(config, methods="adrl", out=copy / cell) for cell, config in elsewhere.items()}
-    assert missing(others)[CELL_NAMES[0]] == ["adrl-s0", "adrl-s1"]
+    more = {cell: replace(config, seeds=3) for cell, config in elsewhere.items()}
+    assert len(missing(more)[CELL_NAMES[0]]) == 6, "what is asked beyond it is trained, with its partners"
+    # A part that is run again leaves what tells more.
+    part = {cell: replace(config, methods="adrl") for cell, config in comparisons.items()}
+    for cell, config in part.items():
+        (out / cell / "scores.json").unlink()
+        assert regret({cell: config}) == {}
+        expected = kept(replace(elsewhere[cell], methods="adrl"))
+        assert expected is not None
+        assert kept(config) == {**expected, "common_time_s": ANY}
+    assert regret(comparisons) == {}
+    assert regret(part) == {}
+    assert (out / CELL_NAMES[0] / "scores.json").read_bytes() == (
+        copy / CELL_NAMES[0] / "scores.json"
+    ).read_bytes()
+
+
+WHOLE = CellScores(
+    schema_version=1,
+    methods=["adrl", "td3"],
+    seeds=2,
+    success=[[0.5, 0.25], [0.75, 1.0]],
+    time_s=[[9.0, 8.0], [7.0, 6.0]],
+    common_time_s=[5.0, None],
+)
+
+
+def with_scores(tmp_path: Path, content: object) -> CompareConfig:
+    config = tiny(tmp_path)[CELL_NAMES[0]]
+    config.out.mkdir(exist_ok=True)
+    (config.out / "scores.json").write_text(json.dumps(content))
+    return config
+
+
+def test_kept_scores_answer_for_any_part_of_them(tmp_path: Path) -> None:
+    config = with_scores(tmp_path, WHOLE)
+    assert kept(config) == WHOLE
+    turned = kept(replace(config, methods="td3,adrl"))
+    assert turned is not None
+    assert turned["success"] == WHOLE["success"][::-1]
+    assert turned["common_time_s"] == [None, 5.0]
+    part = kept(replace(config, methods="td3", seeds=1))
+    assert part is not None
+    assert (part["methods"], part["success"], part["time_s"]) == (["td3"], [[0.75]], [[7.0]])
+    assert part["common_time_s"] == [None], "the tasks that these runs alone solved are not known"
+    assert kept(replace(config, methods="adrl,bc")) is None
+    assert kept(replace(config, seeds=3)) is None
 
 
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"success": [[0.5]]}, "not a number for each"),
-        ({"success": [[0.5, 0.25], [0.5]]}, "scores.json"),
+        ({"success": [[0.5]]}, "1 rows of success for 2 methods"),
+        ({"success": [[0.5, 0.25], [0.5]]}, "not 2 seeds of each method in success"),
+        ({"success": [[0.5, 0.25], [0.5, 1.5]]}, "success.*1.0"),
         ({"time_s": None}, "time_s"),
-        ({"common_time_s": [None]}, "not a number for each"),
+        ({"common_time_s": [None]}, "1 rows of common_time_s"),
+        ({"schema_version": 2}, "schema_version"),
     ],
 )
 def test_scores_that_are_broken_are_refused(tmp_path: Path, change: dict[str, object], said: str) -> None:
-    config = tiny(tmp_path)[CELL_NAMES[0]]
-    whole = CellScores(
-        schema_version=1,
-        methods=["adrl", "td3"],
-        seeds=2,
-        success=[[0.5, 0.25], [0.5, 1.0]],
-        time_s=[[9.0, 8.0], [7.0, 6.0]],
-        common_time_s=[5.0, None],
-    )
-    config.out.mkdir()
-    path = config.out / "scores.json"
-    path.write_text(json.dumps(whole))
-    assert kept(config) == whole
-    path.write_text(json.dumps({**whole, **change}))
+    config = with_scores(tmp_path, WHOLE | change)
     with pytest.raises(CheckpointError, match=said):
         kept(config)
 
@@ -189,6 +224,9 @@ def test_nothing_complete_says_nothing(tmp_path: Path) -> None:
     comparisons = tiny(tmp_path)
     assert scores(comparisons) is None
     assert missing(comparisons)[CELL_NAMES[0]] == ["adrl-s0", "td3-s0", "adrl-s1", "td3-s1"]
+    many = tiny(tmp_path, "adrl,td3,bc", 4)
+    write_page(many, tmp_path)
+    assert "it has not been run" in (tmp_path / "README.md").read_text()
     done = tmp_path / CELL_NAMES[0] / "adrl-s0" / "summary.json"
     done.parent.mkdir(parents=True)
     done.write_text("{}")
@@ -199,6 +237,12 @@ def test_nothing_complete_says_nothing(tmp_path: Path) -> None:
         in page
     )
     assert f"`{CELL_NAMES[1]}` is not in the tables: it has not been run." in page
+    write_page(many, tmp_path)
+    page = (tmp_path / "README.md").read_text()
+    assert (
+        "11 of its 12 trainings are missing, td3-s0, bc-s0, adrl-s1, td3-s1, bc-s1, adrl-s2, td3-s2, bc-s2, ..."
+        in page
+    )
 
 
 class TestCommand:

@@ -15,7 +15,7 @@ from safetensors.numpy import save as pack_safetensors
 from adrl import files
 from adrl.errors import AdrlError, CheckpointError, FileError, brief
 from adrl.evaluation.supervised import spells, steps_of
-from adrl.evaluation.traces import STATES, STEPS, WALKERS, Trace, Traces
+from adrl.evaluation.traces import STEPS, Trace, Traces
 from adrl.json_files import parse_json
 from adrl.rewards import REWARD_TERMS
 from adrl.types import OccupancyGrid, RobotConfig, World
@@ -23,6 +23,10 @@ from adrl.worlds import robot_from_fields
 
 SCHEMA_VERSION = 1
 TRACES_FILE = "traces.safetensors"
+STATES = ("time_s", "pose", "twist", "waypoint", "clearance", "ranges")
+"""Fields of Trace with a row a state."""
+WALKERS = ("people", "legs")
+"""The same, absent from a file where there are none."""
 LEAST_SIDE_M = 0.01
 """Of a world in a file."""
 

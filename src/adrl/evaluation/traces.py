@@ -80,10 +80,8 @@ class Traces:
     """E routes (P, 2), positions ROUTE_SPACING_S apart, the last one included."""
 
 
-STATES = ("time_s", "pose", "twist", "waypoint", "clearance", "ranges")
 STEPS = ("weights", "paid")
-WALKERS = ("people", "legs")
-"""Fields of Trace with a row a state, with a row a step, and those absent from a file where there are none."""
+"""Fields of Trace with a row a step."""
 
 
 @dataclass

@@ -9,13 +9,14 @@ from matplotlib.figure import Figure
 from adrl import files
 from adrl.comparison.config import CompareConfig
 from adrl.regret.numbers import OUTCOMES, cell_rows, method_rows
-from adrl.regret.regret import ENOUGH_SEEDS, SCHEMA_VERSION, missing, scores
+from adrl.regret.regret import ENOUGH_SEEDS, missing, scores
 from adrl.report.figures import blank_figure, line_style, save
 from adrl.report.markdown import cell as text_of
 from adrl.report.markdown import plain, table
 
+SCHEMA_VERSION = 1
 RESULTS_FILE, PAGE_FILE, FIGURE_FILE = "regret.json", "README.md", "regret.png"
-NAMED = 8
+MOST_NAMED = 8
 """Missing trainings that are named."""
 UNITS = {"success": "points", "time": "%"}
 NOTE = (
@@ -70,17 +71,17 @@ def _page(content: Mapping[str, Any]) -> str:
     lines += ["## Cells", "", *(f"- `{name}`: {title}" for name, title in content["cells"].items()), ""]
     for name, jobs in content["missing"].items():
         lines += [
-            f"`{name}` is not in the tables: {_lacking(jobs, len(content['methods']) * content['seeds'])}.",
+            f"`{name}` is not in the tables: {_told_missing(jobs, len(content['methods']) * content['seeds'])}.",
             "",
         ]
     return "\n".join(lines)
 
 
-def _lacking(jobs: Sequence[str], trainings: int) -> str:
+def _told_missing(jobs: Sequence[str], trainings: int) -> str:
     """Of the trainings of a cell."""
     if len(jobs) == trainings:
         return "it has not been run"
-    named = ", ".join(jobs[:NAMED]) + (", ..." if len(jobs) > NAMED else "")
+    named = ", ".join(jobs[:MOST_NAMED]) + (", ..." if len(jobs) > MOST_NAMED else "")
     return f"{len(jobs)} of its {trainings} trainings are missing, {named}"
 
 

@@ -1,12 +1,14 @@
 """The protocol of `adrl regret`: a comparison in each cell, and what they say together."""
 
+import contextlib
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TypedDict
+from typing import Annotated, Literal, TypedDict
 
 import numpy as np
+from msgspec import Meta
 
 from adrl import files
 from adrl.comparison.compare import claim, compare, require_same
@@ -31,22 +33,24 @@ ENOUGH_SEEDS = 10
 COLUMNS = ("success", "time_s", "shortest_m")
 """What is needed of an episode."""
 QUICK_STEPS, QUICK_EPISODES, QUICK_SEEDS = 4096, 20, 2
-SCORES_FILE = "scores.json"
-SCHEMA_VERSION = 1
+SCORES_FILE, SCORES_VERSION = "scores.json", 1
+
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+Seconds = Annotated[float, Meta(ge=0.0)]
 
 
 class CellScores(TypedDict):
     """What the runs of one complete cell measured, as it stands in its SCORES_FILE: M methods, S seeds."""
 
-    schema_version: int
+    schema_version: Literal[1]
     methods: list[str]
     seeds: int
-    success: list[list[float]]
+    success: list[list[Share]]
     """(M, S) share of the test tasks solved."""
-    time_s: list[list[float]]
+    time_s: list[list[Seconds]]
     """(M, S) mean time a task, the time limit where it was not solved."""
-    common_time_s: list[float | None]
-    """(M) mean time over the tasks that all runs solved; None where there is no such task."""
+    common_time_s: list[Seconds | None]
+    """(M,) mean time over the tasks that all these runs solved; None where there is no such task."""
 
 
 def preset(
@@ -86,13 +90,14 @@ def regret(
     for config in comparisons.values():
         claim(config, config.out)
     jobs = {cell: all_jobs(config) for cell, config in comparisons.items()}
+    known = {cell for cell, config in comparisons.items() if kept(config) is not None}
     total = sum(map(len, jobs.values()))
     failed: dict[str, Path] = {}
     for cell, config in comparisons.items():
-        if kept(config) is not None:
+        if cell in known:
             continue
         elsewhere = sum(
-            kept(comparisons[name]) is not None or is_finished(comparisons[name], job)
+            name in known or is_finished(comparisons[name], job)
             for name in jobs
             if name != cell
             for job in jobs[name]
@@ -104,20 +109,33 @@ def regret(
 
         result = compare(config, tell)
         failed |= {f"{cell}/{job}": log for job, log in result.failed.items()}
-        if not _lacking(config):
-            files.write_json(config.out / SCORES_FILE, _measured(config))
+        _keep(config)
     return failed
+
+
+def _keep(config: CompareConfig) -> None:
+    """Write the scores of a complete cell, if no file of its folder tells more."""
+    if _without_result(config):
+        return
+    path = config.out / SCORES_FILE
+    if path.exists():
+        before = _read(path)
+        if before["seeds"] > config.seeds or not set(before["methods"]) <= set(config.method_names):
+            return
+    with contextlib.suppress(CheckpointError):  # of a broken run: whoever makes the tables is told
+        files.write_json(path, _measured(config))
 
 
 def missing(comparisons: Mapping[str, CompareConfig]) -> dict[str, list[str]]:
     """cell -> its trainings that have no result; no entry for a complete cell."""
-    lacking = {
-        cell: [] if kept(config) is not None else _lacking(config) for cell, config in comparisons.items()
+    return {
+        cell: names
+        for cell, config in comparisons.items()
+        if (names := _without_result(config)) and kept(config) is None
     }
-    return {cell: names for cell, names in lacking.items() if names}
 
 
-def _lacking(config: CompareConfig) -> list[str]:
+def _without_result(config: CompareConfig) -> list[str]:
     return [job.name for job in _trainings(config) if not is_finished(config, job)]
 
 
@@ -126,25 +144,45 @@ def _trainings(config: CompareConfig) -> list[Job]:
 
 
 def kept(config: CompareConfig) -> CellScores | None:
-    """The scores that stand in the cell's folder, of the same methods and seeds: its runs may be gone then.
+    """The scores that stand in the cell's folder, whose runs may be gone; None where it has not all of them.
 
+    Where it has those of more methods or seeds too, tasks that all runs solved are not known: common_time_s is None.
     Raises CheckpointError for a broken file.
     """
     path = config.out / SCORES_FILE
     if not path.exists():
         return None
-    methods, shape = list(config.method_names), (len(config.method_names), config.seeds)
+    content, methods, seeds = _read(path), list(config.method_names), config.seeds
+    if (content["methods"], content["seeds"]) == (methods, seeds):
+        return content
+    if content["seeds"] < seeds or not set(methods) <= set(content["methods"]):
+        return None
+    rows = [content["methods"].index(method) for method in methods]
+    same = content["seeds"] == seeds and len(methods) == len(content["methods"])
+    return CellScores(
+        schema_version=SCORES_VERSION,
+        methods=methods,
+        seeds=seeds,
+        success=[content["success"][row][:seeds] for row in rows],
+        time_s=[content["time_s"][row][:seeds] for row in rows],
+        common_time_s=[content["common_time_s"][row] if same else None for row in rows],
+    )
+
+
+def _read(path: Path) -> CellScores:
+    """Raises CheckpointError."""
     try:
         content = read_json(path, CellScores)
-        if (content["methods"], content["seeds"]) != (methods, config.seeds):
-            return None
-        if any(np.shape(content[name]) != shape for name in ("success", "time_s")) or len(
-            content["common_time_s"]
-        ) != len(methods):
-            raise FileError("holds not a number for each method and seed")
-    except (FileError, ValueError) as error:
+        count = len(content["methods"])
+        for name in ("success", "time_s", "common_time_s"):
+            if len(content[name]) != count:
+                raise FileError(f"has {len(content[name])} rows of {name} for {count} methods")
+        for name in ("success", "time_s"):
+            if any(len(row) != content["seeds"] for row in content[name]):
+                raise FileError(f"has not {content['seeds']} seeds of each method in {name}")
+    except FileError as error:
         raise CheckpointError(
-            f"{path} {error}; delete it, and the scores are made anew from the cell's runs"
+            f"{path} {error}; delete it, and it is made anew from the cell's runs"
         ) from None
     return content
 
@@ -163,7 +201,7 @@ def scores(comparisons: Mapping[str, CompareConfig]) -> tuple[Scores, dict[str, 
     for cell, config in complete.items():
         require_same(config, config.out)
         # The runs first: what was kept of them is only a copy.
-        stored = kept(config) if _lacking(config) else None
+        stored = kept(config) if _without_result(config) else None
         found[cell] = stored or _measured(config)
     together = Scores(
         cells=tuple(complete),
@@ -179,7 +217,7 @@ def _measured(config: CompareConfig) -> CellScores:
     runs = _columns(config)
     solved = runs["success"].all(axis=(0, 1))
     return CellScores(
-        schema_version=SCHEMA_VERSION,
+        schema_version=SCORES_VERSION,
         methods=list(config.method_names),
         seeds=config.seeds,
         success=runs["success"].mean(axis=2).tolist(),
@@ -211,7 +249,8 @@ def _run(config: CompareConfig, job: Job) -> dict[str, Array]:
         return {name: run[name][order] for name in COLUMNS}
     except KeyError as error:
         raise CheckpointError(
-            f"{folder}: its episodes are of another evaluation ({error}); delete it and run again"
+            f"{folder}: its episodes are of another evaluation ({error}); delete it and the cell's {SCORES_FILE}, "
+            "and run again"
         ) from None
 
 
