@@ -20,11 +20,15 @@ from pathlib import Path
 from typing import Any
 
 from adrl import files
+from adrl.baselines.planners import PLANNERS
+from adrl.comparison.config import DRIVING
 from adrl.comparison.results import Row, markdown
+from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import load_policy, resolve_policy
+from adrl.errors import ConfigError
 from adrl.evaluation.metrics import COMMON
 from adrl.evaluation.statistics import bootstrap_mean, entry
-from adrl.report.markdown import cell, table
+from adrl.report.markdown import cell, plain, table
 from adrl.reproduction.reported import label
 from adrl.runs.card import card
 
@@ -104,11 +108,66 @@ def regret_rows(path: Path) -> list[str]:
     return table(headings, rows)
 
 
+def planner_rows(folder: Path) -> list[str]:
+    """Planners, a row for each file of docs/measure.py."""
+    headings = (
+        *("robot", "place", "guidance", "planner", "drives", "success, %", "hit, %", "late, %"),
+        *("Av.T, s", "path / shortest"),
+    )
+    rows = [
+        [
+            *(row["robot"], f"`{row['scenario']}`", f"`{row['guidance']}`", f"`{row['policy']}`"),
+            str(row["episodes"]),
+            cell(row, "success", 1, 100.0),
+            *(f"{100.0 * row[name]:.1f}" for name in ("collision", "timeout")),
+            *(cell(row, "time_s", 1), cell(row, "optimality", 2)),
+        ]
+        for row in _of_today(folder)
+    ]
+    return table(headings, rows)
+
+
+def people_rows(folder: Path) -> list[str]:
+    """What drives among people, a row for each file of docs/measure.py."""
+    headings = (
+        *("place", "what drives", "guidance", "drives", "success, %", "collision, %", "at fault, %"),
+        *("nearest, m", "within 0.5 m, s", "frozen, s", "lost, s"),
+    )
+    rows = [
+        [
+            *(f"`{row['scenario']}`", f"`{row['policy']}`", f"`{row['guidance']}`", str(row["episodes"])),
+            *(cell(row, name, 1, 100.0) for name in ("success", "collision", "at_fault")),
+            cell(row, "person_distance_m", 2),
+            *(plain(row[name], 2) for name in ("near_person_s", "frozen_s", "lost_s")),
+        ]
+        for row in _of_today(folder)
+    ]
+    return table(headings, rows)
+
+
+def _of_today(folder: Path) -> list[Row]:
+    """What docs/measure.py measured. Raises FileNotFoundError where there is nothing, and ConfigError for drives of
+    other weights, or of before."""
+    rows = _measured(folder)
+    if not rows:
+        raise FileNotFoundError(f"{folder}: nothing is measured; run python docs/measure.py {folder.name}")
+    for row in rows:
+        if (row["policy_fingerprint"], row["driving"]) != (
+            find_policy(row["policy"], PLANNERS).fingerprint,
+            DRIVING,
+        ):
+            raise ConfigError(f"{row['command']}: is of before; run python docs/measure.py {folder.name}")
+    return rows
+
+
+def _measured(folder: Path) -> list[Row]:
+    return [_json(path) for path in sorted(folder.glob("*.json"))]
+
+
 def policy_card(folder: Path) -> list[str]:
-    """The card of the shipped policy of the folder's name, from what docs/measure_policy.py wrote there."""
+    """The card of the shipped policy of the folder's name, from what docs/measure.py wrote there."""
     policy = load_policy(resolve_policy(folder.name))
-    measured = [_json(path) for path in sorted(folder.glob("*.json"))]
-    return card(policy.config, policy.fingerprint, measured)
+    return card(policy.config, policy.fingerprint, _measured(folder))
 
 
 def _json(path: Path) -> Any:
@@ -118,6 +177,8 @@ def _json(path: Path) -> Any:
 FORMS: dict[str, Callable[[Path], list[str]]] = {
     "compare": compare_rows,
     "compare-all": compare_all,
+    "people": people_rows,
+    "planners": planner_rows,
     "policy": policy_card,
     "regret": regret_rows,
     "runs": runs,

@@ -79,9 +79,7 @@ def test_where_a_policy_fails_its_card_says_so():
 
 def test_results_of_other_weights_are_refused():
     config = load_policy(resolve_policy("diffbot")).config
-    with pytest.raises(
-        ConfigError, match=r"was measured with other weights .*run python docs/measure_policy.py p"
-    ):
+    with pytest.raises(ConfigError, match=r"was measured with other weights .*run python docs/measure.py p"):
         card(config, "other", [measured()])
 
 

@@ -8,6 +8,9 @@ from typing import Any
 
 import pytest
 
+from adrl.comparison.config import DRIVING
+from adrl.errors import ConfigError
+
 ROOT = Path(__file__).resolve().parents[2]
 BLOCK = "before\n\n<!-- table: compare compare/complex.json -->\n<!-- end of table -->\n\nafter\n"
 
@@ -80,3 +83,69 @@ def test_the_pages_tell_what_their_files_say(tables: ModuleType) -> None:
     for path in tables.pages():
         text = path.read_text(encoding="utf-8")
         assert tables.rewritten(text) == text, f"{path}: run python docs/tables.py"
+
+
+def summary(**others: Any) -> dict[str, Any]:
+    rates = {"success": 0.5, "collision": 0.3, "timeout": 0.2, "at_fault": 0.1}
+    means = {"time_s": 12.0, "optimality": 1.25, "person_distance_m": 0.25}
+    low = {f"{name}_low": value - 0.05 for name, value in (rates | means).items()}
+    high = {f"{name}_high": value + 0.1 for name, value in (rates | means).items()}
+    who = {"policy": "astar-mppi", "robot": "jackal", "scenario": "crowd", "guidance": "map", "episodes": 200}
+    how = {"command": "adrl evaluate", "driving": DRIVING, "policy_fingerprint": None}
+    return (
+        who
+        | how
+        | rates
+        | means
+        | low
+        | high
+        | {"near_person_s": 4.0, "frozen_s": 0.02, "lost_s": 1.5}
+        | others
+    )
+
+
+def test_measured_rows_stand_in_the_order_of_their_files(tables: ModuleType, tmp_path: Path) -> None:
+    for number, name in ((1, "orca"), (0, "astar-mppi")):
+        (tmp_path / f"{number:02}.json").write_text(json.dumps(summary(policy=name)))
+    (tmp_path / "02.json").write_text(json.dumps(summary(lost_s=None)))  # who never arrives loses no time
+    planners = [line.strip("| ").split(" | ") for line in tables.planner_rows(tmp_path) if line]
+    assert dict(zip(planners[0], planners[2], strict=True)) == {
+        "robot": "jackal",
+        "place": "`crowd`",
+        "guidance": "`map`",
+        "planner": "`astar-mppi`",
+        "drives": "200",
+        "success, %": "50.0 [45.0, 60.0]",
+        "hit, %": "30.0",
+        "late, %": "20.0",
+        "Av.T, s": "12.0 [11.9, 12.1]",
+        "path / shortest": "1.25 [1.20, 1.35]",
+    }
+    people = [line.strip("| ").split(" | ") for line in tables.people_rows(tmp_path) if line]
+    first, second, third = (dict(zip(people[0], row, strict=True)) for row in people[2:])
+    assert first == {
+        "place": "`crowd`",
+        "what drives": "`astar-mppi`",
+        "guidance": "`map`",
+        "drives": "200",
+        "success, %": "50.0 [45.0, 60.0]",
+        "collision, %": "30.0 [25.0, 40.0]",
+        "at fault, %": "10.0 [5.0, 20.0]",
+        "nearest, m": "0.25 [0.20, 0.35]",
+        "within 0.5 m, s": "4.00",
+        "frozen, s": "0.02",
+        "lost, s": "1.50",
+    }
+    assert second["what drives"] == planners[3][3] == "`orca`"
+    assert third["lost, s"] == "-"
+
+
+@pytest.mark.parametrize(
+    "change", [{"driving": DRIVING - 1}, {"policy": "default", "policy_fingerprint": "other"}]
+)
+def test_drives_of_before_are_in_no_table(tables: ModuleType, tmp_path: Path, change: dict[str, Any]) -> None:
+    with pytest.raises(FileNotFoundError, match="nothing is measured"):
+        tables.planner_rows(tmp_path)
+    (tmp_path / "00.json").write_text(json.dumps(summary(**change)))
+    with pytest.raises(ConfigError, match=r"adrl evaluate: is of before; run python docs/measure.py"):
+        tables.people_rows(tmp_path)

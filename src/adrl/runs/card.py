@@ -35,7 +35,7 @@ def card(config: PolicyConfig, fingerprint: str, measured: Sequence[Mapping[str,
         if summary["policy_fingerprint"] != fingerprint:
             raise ConfigError(
                 f"{summary['command']}: was measured with other weights ({summary['policy_fingerprint']}, and the "
-                f"policy's are {fingerprint}); run python docs/measure_policy.py {summary['policy']}"
+                f"policy's are {fingerprint}); run python docs/measure.py {summary['policy']}"
             )
     return [
         *("## What it saw", ""),
