@@ -98,7 +98,7 @@ OPTIONS: dict[str, Any] = {
 UNITS = {"m": r"\bm\b", "seconds": r"\bs\b", "start": r"\(m\).*\(rad\)", "goal": r"\(m\)"}
 """What the help of an option whose name ends so must say."""
 SUPPRESSED = {
-    "compare": {"method", "resume", "shares_compiled"},
+    "compare": {"method", "resume", "shares-compiled"},
     "export": {"policy"},
     "report": {"folder"},
     "calibrate": {"drives"},
