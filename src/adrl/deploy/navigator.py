@@ -353,8 +353,9 @@ class Navigator:
     def _slowed(self, twist: Twist) -> Twist:
         """Within the speed limit, on the same arc."""
         v, w = twist
-        share = min(1.0, self.speed_limit_mps / max(abs(v), 1e-9))
-        return share * v, share * w
+        if abs(v) <= self.speed_limit_mps:
+            return twist
+        return math.copysign(self.speed_limit_mps, v), self.speed_limit_mps / abs(v) * w
 
     def _stand(
         self,
