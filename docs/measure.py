@@ -30,8 +30,6 @@ RESULTS = ROOT / "docs" / "results"
 MAPS = tuple(
     f"tests/data/maps/{name}.yaml" for name in ("willow/willow-full", "depot/depot", "turtlebot3_world/map")
 )
-UNSAID = 3
-"""DRIVING of files that do not say it."""
 CARS = "docs/policies/cars.toml"
 FORESEEING = ("astar-dwa", "astar-mppi", "astar-pursuit")
 """Planners that know where moving discs will be; those whose name goes on with -static do not."""
@@ -167,7 +165,7 @@ def measure(path: Path, row: list[str]) -> int:
     weights = find_policy(row[1], PLANNERS).fingerprint
     if path.exists():
         known = json.loads(path.read_text(encoding="utf-8"))
-        told = (known.get("command"), known["policy_fingerprint"], known.get("driving", UNSAID))
+        told = (known.get("command"), known["policy_fingerprint"], known.get("driving"))
         if told == (command, weights, DRIVING):
             return 0
     path.unlink(missing_ok=True)

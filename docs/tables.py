@@ -148,7 +148,7 @@ def people_rows(folder: Path) -> list[str]:
 def _of_today(folder: Path) -> list[Row]:
     """What docs/measure.py measured. Raises FileNotFoundError where there is nothing, and ConfigError for drives of
     other weights, or of before."""
-    rows = _measured(folder)
+    rows = [_json(path) for path in sorted(folder.glob("*.json"))]
     if not rows:
         raise FileNotFoundError(f"{folder}: nothing is measured; run python docs/measure.py {folder.name}")
     for row in rows:
@@ -160,14 +160,10 @@ def _of_today(folder: Path) -> list[Row]:
     return rows
 
 
-def _measured(folder: Path) -> list[Row]:
-    return [_json(path) for path in sorted(folder.glob("*.json"))]
-
-
 def policy_card(folder: Path) -> list[str]:
     """The card of the shipped policy of the folder's name, from what docs/measure.py wrote there."""
     policy = load_policy(resolve_policy(folder.name))
-    return card(policy.config, policy.fingerprint, _measured(folder))
+    return card(policy.config, policy.fingerprint, _of_today(folder))
 
 
 def _json(path: Path) -> Any:

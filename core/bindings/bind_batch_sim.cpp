@@ -182,14 +182,15 @@ void follow(BoundSim &self, const In<double, nb::shape<-1, 3>> &before) {
     self.sim.follow(before.data());
 }
 
-void plan(BoundSim &self, BoundControl &control, Out<double, Rows2> out) {
+void plan(BoundSim &self, const Flat8 &mask, BoundControl &control, Out<double, Rows2> out) {
+    if (mask.shape(0) != static_cast<std::size_t>(self.sim.num_envs())) throw nb::value_error("mask");
     if (out.shape(0) != static_cast<std::size_t>(self.sim.num_envs())) throw nb::value_error("out");
     if (control.native.num_robots() != self.sim.num_envs()) throw nb::value_error("control: of as many robots");
     if (control.num_threads < self.sim.num_threads()) throw nb::value_error("control: of as many threads");
     self.require_kinds_known();
     control.require_kinds_known();
     const nb::gil_scoped_release release;
-    self.sim.plan(control.native, out.data());
+    self.sim.plan(mask.data(), control.native, out.data());
 }
 
 } // namespace
@@ -220,7 +221,7 @@ void bind_batch_sim(nb::module_ &m) {
         .def("reset", &reset, nb::arg("mask").noconvert())
         .def("step", &step)
         .def("follow", &follow, nb::arg("before").noconvert())
-        .def("plan", &plan, nb::arg("control"), nb::arg("out").noconvert());
+        .def("plan", &plan, nb::arg("mask"), nb::arg("control"), nb::arg("out").noconvert());
     m.attr("NUM_PARAMS") = static_cast<int>(kNumParams);
     m.attr("MEMORY_SIZE") = kMemory;
     m.attr("MAX_PEOPLE") = kMaxPeople;

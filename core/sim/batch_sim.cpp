@@ -75,10 +75,10 @@ void BatchSim::follow(const double *before) {
     });
 }
 
-void BatchSim::plan(LocalControl &control, double *out) {
+void BatchSim::plan(const std::uint8_t *mask, LocalControl &control, double *out) {
     pool_.run(num_envs_, [&](int first, int last) {
         for (int i = first; i < last; ++i) {
-            if (!b_.active[i] || !tasks_[i]) continue;
+            if (!mask[i] || !b_.active[i] || !tasks_[i]) continue;
             const Task &task = *tasks_[i];
             const SimKind &kind = kind_of(i);
             const DriveLimits limits = limits_of(kind.robot, b_.params + static_cast<std::ptrdiff_t>(i) * kNumParams);

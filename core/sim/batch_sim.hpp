@@ -120,8 +120,9 @@ class BatchSim {
     // there: whether the active ones have arrived, their clearance and their guidance. Senses nothing; whether they
     // hit, the other tells.
     void follow(const double *before);
-    // A command for every active robot into out (N, 2), along its path with full knowledge of its world.
-    void plan(LocalControl &control, double *out);
+    // A command for every active robot of the mask (N) into out (N, 2), along its path with full knowledge of its
+    // world.
+    void plan(const std::uint8_t *mask, LocalControl &control, double *out);
 
   private:
     // How old a command is when the base acts on it: whole control periods and the rest.

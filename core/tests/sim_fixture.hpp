@@ -41,7 +41,7 @@ class SimFixture {
           least(n), waypoint(2 * n), path_ahead(2 * kPathAhead.size() * n), route_left(n), time(n), travelled(n),
           memory(kMemory * n), plans(2 * n), remembered(static_cast<std::size_t>(n) * control_memory(controller)),
           ranges(static_cast<std::size_t>(kBeams) * n), active(n, 1), reached(n), collided(n), at_fault(n), mask(n, 1),
-          seed(n), people(static_cast<std::size_t>(kMaxPeople) * kPersonNumbers * n), kind(n),
+          everyone(n, 1), seed(n), people(static_cast<std::size_t>(kMaxPeople) * kPersonNumbers * n), kind(n),
           control(n, num_threads, {{robot(polygon).footprint, DriveLimits{}, 0.1, true, controller}}, kind.data(),
                   remembered.data()),
           sim(n, num_threads, {{robot(polygon), SimConfig{}}}, buffers()) {
@@ -67,7 +67,7 @@ class SimFixture {
     // Plans, does as planned, and starts again half of the robots now and then.
     void run(int steps) {
         for (int k = 0; k < steps; ++k) {
-            sim.plan(control, plans.data());
+            sim.plan(everyone.data(), control, plans.data());
             std::copy(plans.begin(), plans.end(), command.begin());
             sim.step();
             for (std::size_t i = 0; i < mask.size(); ++i) mask[i] = (i + k) % 2 == 0;
@@ -79,7 +79,7 @@ class SimFixture {
     std::vector<double> command, params, pose, odometry, twist, clearance, least, waypoint, path_ahead, route_left,
         time, travelled, memory, plans, remembered;
     std::vector<float> ranges;
-    std::vector<std::uint8_t> active, reached, collided, at_fault, mask;
+    std::vector<std::uint8_t> active, reached, collided, at_fault, mask, everyone;
     std::vector<std::uint64_t> seed;
     std::vector<double> people;
     std::vector<std::int64_t> kind;

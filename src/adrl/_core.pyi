@@ -316,8 +316,9 @@ class BatchSim:
     def follow(self, before: F64) -> None:
         """For robots that something else moved from the poses before (N, 3) to those in the buffers: whether the active
         ones have arrived, their clearance and guidance."""
-    def plan(self, control: LocalControl, out: F64) -> None:
-        """Write a command (v, w) for every active robot, along its path in its known world, into out (N, 2)."""
+    def plan(self, mask: U8, control: LocalControl, out: F64) -> None:
+        """Write a command (v, w) for every active robot of the mask (N), along its path in its known world, into out
+        (N, 2)."""
 
 class Braking:
     """How a base responds to commands and comes to rest; see braking.hpp. response: greatest acceleration and yaw

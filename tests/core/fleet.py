@@ -116,8 +116,9 @@ class Fleet:
 
     def plan(self) -> Array:
         """(N, 2) commands of A*+DWA."""
-        out = np.zeros((len(self.b["active"]), 2))
-        self.sim.plan(self.control.native, out)
+        count = len(self.b["active"])
+        out = np.zeros((count, 2))
+        self.sim.plan(np.ones(count, np.uint8), self.control.native, out)
         return out
 
     def snapshot(self) -> Buffers:

@@ -128,9 +128,12 @@ def test_inactive_rows_are_not_touched():
     fleet.b["active"][::2] = 0
     before = fleet.snapshot()
     out = np.full((N, 2), 99.0)
-    fleet.sim.plan(fleet.control.native, out)
+    asked = np.ones(N, np.uint8)
+    asked[1] = 0
+    fleet.sim.plan(asked, fleet.control.native, out)
     assert np.all(out[::2] == 99.0)
-    assert np.all(out[1::2] < 99.0)
+    assert np.all(out[1] == 99.0), "nor those that are not asked for"
+    assert np.all(out[3::2] < 99.0)
     fleet.step(commands(0))
     assert_equal_bytes(before, fleet.b, slice(0, None, 2))
     assert np.all(fleet.b["memory"][1::2, 1] == before["memory"][1::2, 1] + 1)
@@ -249,14 +252,17 @@ def test_masks_and_outputs_of_the_wrong_kind_are_refused():
             sim.reset(mask)  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match="mask"):
         sim.reset(np.ones(2, dtype=np.uint8))
+    every = np.ones(3, np.uint8)
     for out in (np.ones((3, 2), np.float32), np.ones((3, 3)), np.ones((2, 3)).T, np.ones((6, 2))[::2]):
         with pytest.raises(TypeError):
-            sim.plan(control, out)  # pyright: ignore[reportArgumentType]
+            sim.plan(every, control, out)  # pyright: ignore[reportArgumentType]
     with pytest.raises(ValueError, match="out"):
-        sim.plan(control, np.ones((2, 2)))
+        sim.plan(every, control, np.ones((2, 2)))
     few = LocalControl(2, a_robot(), dwa_config(a_robot())).native
     with pytest.raises(ValueError, match="control"):
-        sim.plan(few, np.ones((3, 2)))
+        sim.plan(every, few, np.ones((3, 2)))
+    with pytest.raises(ValueError, match="mask"):
+        sim.plan(every[:2], control, np.ones((3, 2)))
 
 
 def test_rows_of_no_kind_are_refused():
@@ -270,7 +276,7 @@ def test_rows_of_no_kind_are_refused():
             lambda: sim.reset(np.ones(3, np.uint8)),
             sim.step,
             lambda: sim.follow(np.zeros((3, 3))),
-            lambda: sim.plan(control, np.zeros((3, 2))),
+            lambda: sim.plan(np.ones(3, np.uint8), control, np.zeros((3, 2))),
         ):
             with pytest.raises(ValueError, match=f"row 1 is of kind {wrong}; give 0 to 0"):
                 call()

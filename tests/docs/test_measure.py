@@ -81,7 +81,38 @@ def test_every_row_of_a_page_is_another_drive_that_there_is(measuring: ModuleTyp
     for row in rows:
         options = dict(zip(row[::2], row[1::2], strict=True))
         find_policy(options["--policy"], PLANNERS)
-        assert options["--robot"] in ROBOTS
-        assert options.get("--scenario", "clutter") in SCENARIOS
-        assert options["--guidance"] in GUIDANCE
-        assert (ROOT / options.get("--map", "docs")).exists()
+        require_a_drive(options)
+
+
+@pytest.mark.parametrize(
+    ("name", "some", "other"), [("default", "any", "jackal"), ("diffbot", "jackal", "any")]
+)
+def test_every_row_of_a_card_is_another_drive_that_there_is(
+    measuring: ModuleType, name: str, some: str, other: str
+) -> None:
+    policy = find_policy(name)
+    sizes = measuring.Options(what=name, robots=50, elsewhere=7, episodes=9)
+    rows = measuring.of_policy(policy, sizes)
+    assert len({tuple(row) for row in rows}) == len(rows) > 10
+    robots = []
+    for row in rows:
+        options = dict(zip(row[::2], row[1::2], strict=True))
+        require_a_drive({"--robot": "diffbot"} | options)
+        robots.append(options.get("--robot"))
+        if "--robots" in options:
+            assert options["--episodes"] == "20", "tasks of each robot of a family"
+        else:
+            assert options["--episodes"] == "9"
+    assert (some in robots, None in robots) == (True, policy.family is None), "its own robot needs no name"
+    if policy.family is not None:
+        assert rows[0][-1] == "50", "the first row is the one with many robots"
+        assert other in robots
+    else:
+        assert not {other, name} & set(robots)
+
+
+def require_a_drive(options: dict[str, str]) -> None:
+    assert options["--robot"] in {*ROBOTS, "any"} or (ROOT / options["--robot"]).exists()
+    assert options.get("--scenario", "clutter") in SCENARIOS
+    assert options["--guidance"] in GUIDANCE
+    assert (ROOT / options.get("--map", "docs")).exists()

@@ -117,19 +117,33 @@ def check_kept(comparisons: dict[str, CompareConfig], out: Path, copy: Path) -> 
         scores({cell: replace(config, episodes=5) for cell, config in elsewhere.items()})
     more = {cell: replace(config, seeds=3) for cell, config in elsewhere.items()}
     assert len(missing(more)[CELL_NAMES[0]]) == 6, "what is asked beyond it is trained, with its partners"
-    # A part that is run again leaves what tells more.
-    part = {cell: replace(config, methods="adrl") for cell, config in comparisons.items()}
-    for cell, config in part.items():
-        (out / cell / "scores.json").unlink()
-        assert regret({cell: config}) == {}
-        expected = kept(replace(elsewhere[cell], methods="adrl"))
+    for cell in CELL_NAMES:
+        check_kept_parts(comparisons[cell], elsewhere[cell])
+
+
+def check_kept_parts(config: CompareConfig, elsewhere: CompareConfig) -> None:
+    """Parts that are asked one after the other say together what the whole did."""
+    file = config.out / "scores.json"
+    whole = file.read_bytes()
+    file.unlink()
+    first, second = (replace(config, methods=method) for method in ("adrl", "td3"))
+    for part in (first, second):
+        assert regret({"cell": part}) == {}
+        expected = kept(replace(elsewhere, methods=part.methods))
         assert expected is not None
-        assert kept(config) == {**expected, "common_time_s": ANY}
-    assert regret(comparisons) == {}
-    assert regret(part) == {}
-    assert (out / CELL_NAMES[0] / "scores.json").read_bytes() == (
-        copy / CELL_NAMES[0] / "scores.json"
-    ).read_bytes()
+        assert kept(part) == {**expected, "common_time_s": ANY}
+    assert file.read_bytes() == whole
+    # What tells of runs that are gone is not given up for another part.
+    file.unlink()
+    regret({"cell": first})
+    before = file.read_bytes()
+    gone = config.out / "adrl-s1"
+    away = gone.rename(elsewhere.out / "adrl-s1")
+    assert regret({"cell": second}) == {}
+    assert file.read_bytes() == before
+    away.rename(gone)
+    assert regret({"cell": second}) == {}
+    assert file.read_bytes() == whole
 
 
 WHOLE = CellScores(

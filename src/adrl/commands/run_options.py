@@ -22,6 +22,7 @@ GROUPS = {
         "Demonstrations, and what they are used for first.",
         (
             "expert",
+            "teachers",
             "demonstration_steps",
             "demonstration_rounds",
             "dataset",

@@ -85,27 +85,33 @@ class TaskPool:
         self.kind = np.array([numbers.setdefault(kind, len(numbers)) for kind, _ in entries])
         self.kinds = tuple(numbers)
         self._scenarios = [scenario for _, scenario in entries]
-        self._tasks: dict[int, Task] = {}
+        self._tasks: dict[int, tuple[Task, Scenario]] = {}
 
     def __getitem__(self, index: int) -> Task:
         """Task `index` of the split. Raises TaskError where no robot has one."""
         if index not in self._tasks:
             self.kind[index], self._tasks[index] = self._made(index)
-        return self._tasks[index]
+        return self._tasks[index][0]
 
-    def _made(self, index: int) -> tuple[int, Task]:
-        """A task, and the kind that it is of."""
+    def scenario(self, index: int) -> Scenario:
+        """Where task `index` is. Raises TaskError where no robot has one."""
+        self[index]
+        return self._tasks[index][1]
+
+    def _made(self, index: int) -> tuple[int, tuple[Task, Scenario]]:
+        """A task, where it is, and the kind that it is of."""
         tries = min(self.size, MOST_TRIES) if len(self.kinds) > 1 else 1
         for number in (np.arange(index, index + tries) % self.size).tolist():
             kind, _ = self.mixture.entry(number)
             try:
-                task = task_set(self._scenarios[number], kind.robot, self.split, 1, first=number)[0]
+                scenario = self._scenarios[number]
+                task = task_set(scenario, kind.robot, self.split, 1, first=number)[0]
             except TaskError as error:
                 if tries == 1 or number == (index + tries - 1) % self.size:
                     raise
                 LOG.warning("robot %s is left out of task %d: %s", kind.robot.name, number, error)
             else:
-                return self.kinds.index(kind), task
+                return self.kinds.index(kind), (task, scenario)
         raise AssertionError("one try or more was made")
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "TaskPool":

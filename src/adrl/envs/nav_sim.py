@@ -334,10 +334,14 @@ class NavSim:
         will be."""
         return self.planned_actions(self.expert)
 
-    def planned_actions(self, control: LocalControl) -> F32:
-        """(N, 2) actions of a local controller that knows the world, on the paths of the tasks."""
+    def planned_actions(self, control: LocalControl, asked: Mask | None = None) -> F32:
+        """(N, 2) actions of a local controller that knows the world, on the paths of the tasks.
+
+        asked (N,): whose; the others get 0. All, when None.
+        """
         command = np.zeros((self.num_envs, 2))
-        self.native.plan(control.native, command)
+        mask = np.ones(self.num_envs, np.uint8) if asked is None else asked.astype(np.uint8)
+        self.native.plan(mask, control.native, command)
         return to_action(command, self.rows.known)
 
     def state(self) -> dict[str, NDArray[Any]]:

@@ -177,6 +177,10 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
         self._pool[index]  # another robot may have to take it
         return int(self._pool.kind[index])
 
+    def scenario_of_task(self, index: int) -> Scenario:
+        """Where a task of its split is."""
+        return self._pool.scenario(index)
+
     @property
     def periods(self) -> NDArray[np.float64]:
         """(N,) length of a step of each row's present robot, in reference periods: what is paid and discounted for."""

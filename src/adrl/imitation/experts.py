@@ -40,6 +40,8 @@ class Driver:
         self.env = env
         self.given_up = np.zeros(env.num_envs, dtype=bool)
         """(N,) rows that it drives no further, by what actions() saw last."""
+        self.asked = np.ones(env.num_envs, dtype=bool)
+        """(N,) rows whose answer somebody wants. An expert that plans may leave the others out, for whole drives."""
 
     def actions(self) -> F32:
         """(N, 2) what the expert does in the environment's current states. Asked once a step."""
@@ -249,7 +251,7 @@ class _CautiousDriver(Driver):
 
     def actions(self) -> F32:
         self._control.restart(self._starts.rows())
-        return self.env.sim.planned_actions(self._control)
+        return self.env.sim.planned_actions(self._control, self.asked)
 
 
 @dataclass(frozen=True)
@@ -291,10 +293,10 @@ class _MaplessDriver(_CautiousDriver):
             goals = np.array([env.task(int(i)).goal for i in env.task_index[begun]])
             self._mapless.restart(begun, goals, b["odometry"][begun])
         knows = env.sim.rows.on_map
-        commands = self._mapless.commands(b["ranges"], b["odometry"], b["twist"], ~knows)
+        commands = self._mapless.commands(b["ranges"], b["odometry"], b["twist"], ~knows & self.asked)
         actions = to_action(commands, env.sim.rows.known)
         if knows.any():
-            actions[knows] = env.sim.planned_actions(self._control)[knows]
+            actions[knows] = env.sim.planned_actions(self._control, knows & self.asked)[knows]
         return actions
 
 

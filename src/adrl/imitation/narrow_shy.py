@@ -80,7 +80,7 @@ class ShyPaths:
         self.control.restart(begun)
         self._guide.follow(pose)
         out = np.zeros((env.num_envs, 2))
-        self._guide.plan(self.control.native, out)
+        self._guide.plan(np.ones(env.num_envs, np.uint8), self.control.native, out)
         self.at_end = ~self._ends_at_goal & (self._b["route_left"] < NEAR_M)
         out[self.at_end] = 0.0
         return out

@@ -114,14 +114,17 @@ def regret(
 
 
 def _keep(config: CompareConfig) -> None:
-    """Write the scores of a complete cell, if no file of its folder tells more."""
-    if _without_result(config):
-        return
+    """Write the scores of a complete cell, and with them those that were kept before, if their runs are there still.
+
+    A file that tells of a method or seed whose runs are gone stays as it is.
+    """
     path = config.out / SCORES_FILE
     if path.exists():
         before = _read(path)
-        if before["seeds"] > config.seeds or not set(before["methods"]) <= set(config.method_names):
-            return
+        methods = dict.fromkeys((*before["methods"], *config.method_names))
+        config = replace(config, methods=",".join(methods), seeds=max(before["seeds"], config.seeds))
+    if _without_result(config):
+        return
     with contextlib.suppress(CheckpointError):  # of a broken run: whoever makes the tables is told
         files.write_json(path, _measured(config))
 

@@ -66,6 +66,9 @@ class RunConfig(Place):
     """In so many rounds after the first a clone of all that was shown so far drives, and the expert says what it would
     do where that comes to: DAgger (Ross et al. 2011). demonstration_steps are shared out evenly, and training begins
     with the last clone, as fine_tune does with its policy: held at first, and the best is kept; 0 to 1000."""
+    teachers: str = ""
+    """Policies, run folders with commas between, that answer in the expert's place in tasks of the scenario and
+    guidance that they were trained in: what a policy of the same observations does can all be learnt."""
     dataset: Path | None = None
     """Minari dataset of demonstrations to use instead of collecting them."""
     validation_episodes: Annotated[int, Range(1, 1_000_000)] = 100
@@ -88,7 +91,8 @@ class RunConfig(Place):
         learner = self.resolved()
         _check_horizon(learner)
         chosen = find_expert(self.expert) != find_expert(PERFECT)
-        for name, given in (("dataset", self.dataset is not None), ("expert", chosen)):
+        taught = self.teachers != ""
+        for name, given in (("dataset", self.dataset is not None), ("expert", chosen), ("teachers", taught)):
             if given and not learner.uses_expert:
                 raise ConfigError(
                     f"method {method_name(self.chosen_method)!r} learns without an expert; leave out {name}"
@@ -104,10 +108,9 @@ class RunConfig(Place):
                 f"demonstration_rounds asks an expert what it would do where a clone drives, and {other} leaves nobody "
                 "to ask; leave one out"
             )
-        if self.dataset is not None and chosen:
-            raise ConfigError(
-                f"expert {self.expert} would drive, and dataset holds what was driven; leave one out"
-            )
+        for name in (f"expert {self.expert}",) * chosen + (f"teachers {self.teachers}",) * taught:
+            if self.dataset is not None:
+                raise ConfigError(f"{name} would drive, and dataset holds what was driven; leave one out")
 
     @property
     def chosen_method(self) -> str | Method:

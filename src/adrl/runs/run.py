@@ -20,8 +20,10 @@ from adrl.errors import ConfigError
 from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Expert, find_expert
 from adrl.imitation.best_planner import Trial
+from adrl.imitation.teachers import Taught, Teacher
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
+from adrl.registry import listed
 from adrl.runs.config import RunConfig
 from adrl.runs.fine_tuning import Start, beginning_with_a_policy
 from adrl.runs.record import about_policy
@@ -73,7 +75,7 @@ class Run:
             replanner=config.resolved_replanner(),
             encoder=config.encoder,
             taken_as=_taken_as(config, robot, start),
-            expert=find_expert(config.expert),
+            expert=_expert(config),
             simulator=find_simulator(config.env),
             start=start,
             folder=config.out or _default_folder(config, scenarios, robot),
@@ -185,6 +187,17 @@ STOP_WITHIN_M = 0.3
 """Of a family, if nothing else is said: see RunConfig.stop_within_m, and docs/decisions.md for what more costs."""
 REACH_M = 10.0
 """Where the scale of the scan's distances ends for a policy of a family, if nothing else is said: farther is free."""
+
+
+def _expert(config: RunConfig) -> Expert:
+    """Who shows how to drive. Raises AdrlError."""
+    expert, stop_within_m = find_expert(config.expert), config.stop_within_m
+    policies = listed(config.teachers) if config.teachers else ()
+    teachers = [
+        Teacher.of(policy, config.encoder, math.inf if stop_within_m is None else stop_within_m)
+        for policy in policies
+    ]
+    return Taught(expert, tuple(teachers)) if teachers else expert
 
 
 def _require_native(config: RunConfig, robot: RobotConfig | RobotFamily) -> None:
