@@ -56,6 +56,7 @@ def test_a_task_is_the_same_for_ever() -> None:
         candidates = [task_set(scenario, kind.robot, "train", 1, first=i)[0] for scenario in large.scenarios]
         matching = [k for k, task in enumerate(candidates) if task.start == large.task(i).start]
         assert len(matching) == 1
+        assert large.scenario_of_task(i) is large.scenarios[matching[0]]
         seen.add((kind.guidance, matching[0]))
     assert seen == {(guidance, k) for guidance in GUIDANCE for k in range(2)}
 
