@@ -1,5 +1,6 @@
 """Policies that answer in an expert's place."""
 
+import json
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -9,11 +10,13 @@ import pytest
 
 from adrl.agents.config import TrainConfig
 from adrl.deploy.policy import MlpPolicy
+from adrl.deploy.training_worlds import training_worlds
 from adrl.errors import CheckpointError, ConfigError
 from adrl.imitation import collect, find_expert
 from adrl.imitation.demonstrations import NoiseConfig
 from adrl.observation import EncoderConfig
 from adrl.runs import RunConfig
+from adrl.runs.card import card, train_command
 from adrl.runs.run import Run
 
 ROWS = 8
@@ -112,6 +115,7 @@ def test_it_says_who_teaches(tmp_path: Path) -> None:
     ("of_teacher", "of_run", "says"),
     [
         ({"encoder": EncoderConfig()}, {}, "was trained with encoder"),
+        ({"scenario": "complex"}, {}, "was trained in goal@complex, and the run has none of these"),
         ({"stop_within_m": 0.5}, {}, r"stop_within_m 0\.5, and is to teach one with 0\.3"),
         ({}, {"method": "td3"}, "learns without an expert; leave out teachers"),
         ({}, {"dataset": Path("drives"), "expert": "perfect"}, "teachers .* would drive, and dataset holds"),
@@ -137,5 +141,26 @@ def test_it_is_of_the_rounds_of_a_run(tmp_path: Path) -> None:
     learner = TrainConfig(steps=64)
     run = Run.of(replace(LEARNER, teachers=teacher(tmp_path), learner=learner, demonstration_rounds=1))
     assert run.config.teachers == str(tmp_path)
-    assert run.about_policy().extra["settings"]["teachers"] == str(tmp_path)
-    assert "mapless:4; goal@clutter" in run.about_policy().extra["settings"]["expert"]
+    about = run.about_policy().extra
+    assert about["settings"]["teachers"] == str(tmp_path)
+    assert about["settings"]["expert"] == "mapless:4", "as --expert takes it"
+    (told,) = about["environment"]["teachers"]
+    assert told["taught"] == ["goal@clutter"]
+    assert told["fingerprint"] in str(run.expert)
+    assert train_command(told["settings"]).startswith("adrl train --scenario clutter --robot any ")
+
+
+def test_who_was_taught_has_learned_from_the_worlds_of_its_teacher(tmp_path: Path) -> None:
+    folder = Path(teacher(tmp_path))
+    config = json.loads((folder / "config.json").read_text())
+    config["environment"]["worlds"] = ["0123456789abcdef"]
+    (folder / "config.json").write_text(json.dumps(config))
+    about = Run.of(replace(LEARNER, teachers=str(folder))).about_policy()
+    assert training_worlds(about) == {"0123456789abcdef"}
+
+
+def test_a_card_tells_of_the_teacher(tmp_path: Path) -> None:
+    run = Run.of(replace(LEARNER, teachers=teacher(tmp_path)))
+    page = "\n".join(card(run.about_policy(), "0", []))
+    assert "| teacher of `goal@clutter` |" in page
+    assert "| its command | `adrl train --scenario clutter --robot any " in page

@@ -8,7 +8,7 @@ import os
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,16 @@ if TYPE_CHECKING:
 F32 = NDArray[np.float32]
 UNKNOWN, NOBODY = -2, -1
 """Who teaches a task: not looked up yet, and no policy."""
+
+
+def settings_of(places: Sequence[str], guidances: Sequence[str]) -> frozenset[tuple[str, str]]:
+    """(scenario, guidance) of the tasks of such a run. guidances: NAME or NAME@PLACE."""
+    return frozenset(
+        (place, guidance)
+        for guidance, own in map(split_guidance, guidances)
+        for place in places
+        if own in ("", place)
+    )
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -59,17 +69,27 @@ class Teacher:
         guidances = environment.get("placed_guidances") or environment.get("guidances") or (config.guidance,)
         return cls(
             policy=loaded,
-            settings=frozenset(
-                (place, guidance)
-                for guidance, own in map(split_guidance, guidances)
-                for place in places
-                if own in ("", place)
-            ),
+            settings=settings_of(places, guidances),
         )
 
+    @property
+    def taught(self) -> list[str]:
+        """GUIDANCE@SCENARIO of what it teaches."""
+        return [f"{guidance}@{place}" for place, guidance in sorted(self.settings)]
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """What is told of it beside the policies that it has taught: with how much of what it was trained."""
+        config = self.policy.config
+        return {
+            "taught": self.taught,
+            "fingerprint": self.policy.fingerprint,
+            "train_seconds": config.extra.get("train_seconds"),
+            "settings": {name: value for name, value in config.table("settings").items() if name != "out"},
+        }
+
     def __str__(self) -> str:
-        names = ",".join(f"{guidance}@{place}" for place, guidance in sorted(self.settings))
-        return f"{names} {self.policy.fingerprint}"
+        return f"{','.join(self.taught)} {self.policy.fingerprint}"
 
 
 @dataclass(frozen=True)

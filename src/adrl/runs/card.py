@@ -11,6 +11,7 @@ from adrl.errors import ConfigError
 from adrl.registry import listed
 from adrl.report.markdown import cell, table
 from adrl.runs import RunConfig
+from adrl.runs.record import TEACHERS
 from adrl.types import GUIDANCE
 
 MOVING = frozenset({"dynamic", "dynabarn", "crowd", "corridor", "doorway", "office"})
@@ -78,6 +79,14 @@ def _saw(config: PolicyConfig) -> Iterator[tuple[str, str]]:
     ]
     yield "training", ", ".join(numbers)
     yield "command", f"`{train_command(config.table('settings'))}`"
+    for teacher in environment.get(TEACHERS, ()):
+        taught = ", ".join(f"`{name}`" for name in teacher["taught"])
+        seconds = teacher["train_seconds"]
+        yield (
+            f"teacher of {taught}",
+            "" if seconds is None else f"another policy, trained for {seconds:,.0f} s",
+        )
+        yield "its command", f"`{train_command(teacher['settings'])}`"
 
 
 def _robots(config: PolicyConfig) -> Iterator[str]:

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 from adrl.agents.methods import method_name
 from adrl.deploy.policy import PolicyConfig
 from adrl.deploy.training_worlds import training_worlds
-from adrl.imitation import recorded_worlds
+from adrl.imitation import find_expert, recorded_worlds
 from adrl.imitation.best_planner import Trial
+from adrl.imitation.teachers import Taught
 from adrl.simulators import NATIVE
 from adrl.types import RobotConfig
 from adrl.worlds.given import training_fingerprints
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
 
 PLANNER = "planner"
 """Entry of versions and of a policy's environment: what drove for the expert."""
+TEACHERS = "teachers"
+"""Entry of a policy's environment: see Teacher.about."""
 VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "gymnasium", "safetensors")
 
 
@@ -44,7 +47,8 @@ def about_policy(
     places = ",".join(scenario.name for scenario in run.scenarios)
     settings = asdict(replace(config, robot=run.robot.name, guidance=",".join(placed)))
     settings |= {"demonstration_steps": run.demonstration_steps}
-    settings |= {"method": name, "expert": str(run.expert)}
+    settings |= {"method": name, "expert": str(find_expert(config.expert))}
+    teachers = run.expert.teachers if isinstance(run.expert, Taught) else ()
     replans_as_printed = "replan" not in run.guidances or run.replanner == run.replanner.literal()
     return PolicyConfig(
         input_size=1,  # set by the learner, as is the next
@@ -66,6 +70,7 @@ def about_policy(
                 **({"simulator": config.env} if config.env != NATIVE else {}),
                 **({"fine_tune": str(config.fine_tune)} if config.fine_tune is not None else {}),
                 **({PLANNER: planner.controller} if planner is not None else {}),
+                **({TEACHERS: [one.about for one in teachers]} if teachers else {}),
                 **({"taken_as": asdict(run.taken_as)} if run.taken_as not in (None, run.robot) else {}),
                 **({"stop_within_m": run.stop_within_m} if math.isfinite(run.stop_within_m) else {}),
                 **_worlds(run),
@@ -95,6 +100,8 @@ def _worlds(run: "Run") -> dict[str, list[str] | None]:
     ]
     if run.start is not None:
         sources.append(training_worlds(run.start.policy.config))
+    if isinstance(run.expert, Taught):
+        sources += [training_worlds(teacher.policy.config) for teacher in run.expert.teachers]
     if run.config.dataset is not None:
         sources.append(recorded_worlds(run.config.dataset))
     if sources == [set()]:
