@@ -152,11 +152,13 @@ def _of_today(folder: Path) -> list[Row]:
     if not rows:
         raise FileNotFoundError(f"{folder}: nothing is measured; run python docs/measure.py {folder.name}")
     for row in rows:
-        if (row["policy_fingerprint"], row["driving"]) != (
+        if (row["policy_fingerprint"], row.get("driving")) != (
             find_policy(row["policy"], PLANNERS).fingerprint,
             DRIVING,
         ):
-            raise ConfigError(f"{row['command']}: is of before; run python docs/measure.py {folder.name}")
+            raise ConfigError(
+                f"{row.get('command', row['scenario'])}: is of before; run python docs/measure.py {folder.name}"
+            )
     return rows
 
 

@@ -213,6 +213,24 @@ def test_a_robot_that_fits_nowhere_gives_its_task_to_the_next_and_is_named(caplo
         ).reset()
 
 
+def test_a_task_that_another_robot_takes_is_where_that_one_has_it() -> None:
+    count = 40
+    robots = [FAMILIES["any"].draw("train", i) for i in range(count)]
+    env = NavVectorEnv(2, scenario=[Narrow(), "clutter"], robot=robots, task_pool=count, seed=0)
+    mixture = Mixture(robots=robots, guidances=("goal",), scenarios=env.scenarios)
+    places = [mixture.entry(i)[1] for i in range(count)]
+
+    def fits(number: int) -> bool:
+        return places[number].name == "clutter" or robots[number].circumscribed_radius_m <= 0.35
+
+    moved = 0
+    for i in range(count):
+        number = next(n % count for n in range(i, i + count) if fits(n % count))
+        assert env.scenario_of_task(i) is places[number]
+        moved += places[number] is not places[i]
+    assert moved > 0, "no task was taken elsewhere"
+
+
 def test_every_row_is_drawn_as_its_own_robot() -> None:
     env = mixed(3, render_mode="rgb_array", seed=2)
     env.reset()

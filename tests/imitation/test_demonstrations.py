@@ -1,7 +1,7 @@
 """Demonstrations: what is recorded is what happened, and the noise is as stated."""
 
-import dataclasses
 import math
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError, DatasetError
 from adrl.imitation import Demonstrations, Driver, NoiseConfig, collect
 from adrl.rewards import REWARD_TERMS
+from adrl.runs.rounds import Gathered
 
 NOISY = NoiseConfig(fraction=0.4, std=0.6, burst_s=0.5)
 
@@ -21,7 +22,7 @@ def recorded() -> Demonstrations:
 
 
 def columns(data: Demonstrations) -> dict[str, np.ndarray]:
-    return {field.name: getattr(data, field.name) for field in dataclasses.fields(data)}
+    return {field.name: getattr(data, field.name) for field in fields(data)}
 
 
 def test_recording_is_what_the_environment_did(recorded: Demonstrations) -> None:
@@ -199,13 +200,20 @@ def test_where_a_learner_drives_the_labels_are_still_the_experts() -> None:
     assert (data.expert_action != data.action).any(axis=1).mean() > 0.9
 
 
-def test_what_is_shown_later_follows_what_was_shown_before(recorded: Demonstrations) -> None:
+def test_rounds_are_gathered_one_after_the_other(recorded: Demonstrations) -> None:
     more = collect(NavVectorEnv(4, task_pool=8), 40, seed=9)
-    both = recorded.followed_by(more)
+    gathered = Gathered(len(recorded) + len(more))
+    gathered.add(recorded)
+    for name, column in columns(gathered.shown()).items():
+        np.testing.assert_array_equal(column, np.broadcast_to(columns(recorded)[name], column.shape))
+    gathered.add(replace(more, periods=2.0))
+    both = gathered.shown()
     assert len(both) == len(recorded) + len(more)
     for name, column in columns(both).items():
         np.testing.assert_array_equal(column[: len(recorded)], columns(recorded)[name])
-        np.testing.assert_array_equal(column[len(recorded) :], columns(more)[name])
+        if name != "periods":
+            np.testing.assert_array_equal(column[len(recorded) :], columns(more)[name])
+    np.testing.assert_array_equal(np.asarray(both.periods)[len(recorded) :], 2.0)
 
 
 @pytest.mark.parametrize("expert", ["perfect", "slow", "narrow-shy", "cautious", "mapless"])

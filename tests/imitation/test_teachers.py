@@ -8,19 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from adrl.agents.config import TrainConfig
+from adrl.comparison.config import CompareConfig
 from adrl.deploy.policy import MlpPolicy
 from adrl.deploy.training_worlds import training_worlds
 from adrl.errors import CheckpointError, ConfigError
 from adrl.imitation import collect, find_expert
 from adrl.imitation.demonstrations import NoiseConfig
 from adrl.observation import EncoderConfig
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.runs import RunConfig
 from adrl.runs.card import card, train_command
-from adrl.runs.run import Run
+from adrl.runs.run import REACH_M, Run
+from small_run import TRAIN, run_cli
 
 ROWS = 8
 ENCODER = EncoderConfig(history_steps=2)
+BODY = EncoderConfig(history_steps=2, body=True, reach_m=REACH_M)
 LEARNER = RunConfig(
     scenario="clutter,rooms",
     guidance="map,goal@clutter",
@@ -37,6 +40,11 @@ def teacher(
     """A folder with a policy that does something, as a run of such tasks would leave it."""
     settings = {"robot": "any", "encoder": ENCODER} | options
     run = Run.of(RunConfig(scenario=scenario, guidance=guidance, **settings))  # pyright: ignore[reportArgumentType]
+    return saved(run, folder, seed)
+
+
+def saved(run: Run, folder: Path, seed: int = 0) -> str:
+    """The same, of this run."""
     size = run.make_env(1, task_pool=1).single_observation_space.shape
     assert size is not None
     rng = np.random.default_rng(seed)
@@ -114,10 +122,31 @@ def test_it_says_who_teaches(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("of_teacher", "of_run", "says"),
     [
-        ({"encoder": EncoderConfig()}, {}, "was trained with encoder"),
+        (
+            {"encoder": EncoderConfig()},
+            {},
+            "was trained with encoder.history_steps 0, and the run has 2; train both",
+        ),
         ({"scenario": "complex"}, {}, "was trained in goal@complex, and the run has none of these"),
-        ({"stop_within_m": 0.5}, {}, r"stop_within_m 0\.5, and is to teach one with 0\.3"),
-        ({}, {"method": "td3"}, "learns without an expert; leave out teachers"),
+        ({"stop_within_m": 0.5}, {}, r"stop_within_m 0\.5, and the run has 0\.3; train both"),
+        (
+            {"guidance": "replan", "replanner": ReplannerConfig(lookahead_m=5.0)},
+            {"guidance": "replan"},
+            r"replanner\.lookahead_m 5\.0, and the run has 1\.5",
+        ),
+        (
+            {"robot": "diffbot"},
+            {"robot": "jackal", "scenario": "clutter", "guidance": "goal"},
+            r"another robot, with radius_m 0.2 instead of none, .*--robot",
+        ),
+        ({"robot": "docs/policies/any.toml"}, {}, "not trained for all robots of family any; train both"),
+        (
+            {"robot": "diffbot", "encoder": BODY, "stop_within_m": 0.3},
+            {},
+            "not trained for all robots of family any",
+        ),
+        ({}, {"expert": "few:5"}, "few:5 shows no more than its drives, and teachers would"),
+        ({}, {"method": "td3", "expert": "perfect"}, "learns without an expert; leave out teachers"),
         ({}, {"dataset": Path("drives"), "expert": "perfect"}, "teachers .* would drive, and dataset holds"),
     ],
 )
@@ -125,10 +154,53 @@ def test_one_that_cannot_teach_is_refused(
     tmp_path: Path, of_teacher: dict[str, object], of_run: dict[str, object], says: str
 ) -> None:
     folder = teacher(tmp_path, **of_teacher)  # pyright: ignore[reportArgumentType]
-    if "method" in of_run:
-        of_run = of_run | {"expert": "perfect"}
     with pytest.raises(ConfigError, match=says):
         Run.of(replace(LEARNER, teachers=folder, **of_run))  # pyright: ignore[reportArgumentType]
+
+
+def test_a_teacher_of_many_robots_teaches_one_of_them(tmp_path: Path) -> None:
+    one = replace(LEARNER, scenario="clutter", guidance="goal", encoder=BODY, stop_within_m=0.3)
+    one = replace(one, robot="jackal", teachers=teacher(tmp_path / "run"))
+    assert "goal@clutter" in str(Run.of(one).expert)
+    wide = tmp_path / "wide.toml"
+    wide.write_text("radius_m = 1.5\n")
+    with pytest.raises(ConfigError, match=r"does not know the robot: .*outside: .*--robot"):
+        Run.of(replace(one, robot=str(wide)))
+
+
+def test_another_world_of_the_same_name_is_refused(tmp_path: Path) -> None:
+    box = "<link name='l'><collision name='c'><geometry><box><size>{0} {0} 1</size></box></geometry></collision></link>"
+    for name, side_m in (("here", 0.5), ("there", 0.7)):
+        (tmp_path / name).mkdir()
+        walls = "".join(
+            f"<model name='{k}'><static>1</static><pose>{x} {y} 0.5 0 0 0</pose>{box.format(side_m)}</model>"
+            for k, (x, y) in enumerate(((0, 0), (6, 0), (0, 6), (6, 6), (3, 3)))
+        )
+        (tmp_path / name / "w.world").write_text(f"<sdf version='1.6'><world name='w'>{walls}</world></sdf>")
+    one, other = (tmp_path / name / "w.world" for name in ("here", "there"))
+    settings = {"robot": "diffbot", "encoder": ENCODER, "guidance": "goal"}
+    run = Run.of(RunConfig(world=one, **settings))  # pyright: ignore[reportArgumentType]
+    folder = saved(run, tmp_path / "run")
+    assert "goal@sdf:w" in str(Run.of(replace(run.config, teachers=folder)).expert)
+    with pytest.raises(ConfigError, match="another world that is called sdf:w"):
+        Run.of(replace(run.config, world=other, teachers=folder))
+
+
+@pytest.mark.parametrize("expert", ["slow:0.5", "narrow-shy:1.2", "noisy", "half-wise"])
+def test_what_an_expert_does_wrong_its_teacher_does_not(tmp_path: Path, expert: str) -> None:
+    """It is neither slowed nor given up."""
+    learner = replace(LEARNER, robot="diffbot", scenario="complex", guidance="map", expert=expert)
+    folder = teacher(tmp_path, "complex", "map", robot="diffbot")
+    run = Run.of(replace(learner, teachers=folder))
+    (policy,) = (one.policy for one in run.expert.teachers)  # pyright: ignore[reportAttributeAccessIssue]
+    shown = collect(run.make_env(ROWS), 2400, expert=run.expert, noise=NoiseConfig(fraction=0.0))
+    np.testing.assert_allclose(shown.expert_action, policy.act(shown.observation), atol=1e-6)
+    np.testing.assert_array_equal(shown.action, shown.expert_action)
+    driven = run.expert.driver(env := run.make_env(ROWS), 0)
+    env.reset(seed=0)
+    for _ in range(200):
+        env.step(driven.actions())
+        assert not driven.given_up.any()
 
 
 def test_one_that_is_not_there_is_refused(tmp_path: Path) -> None:
@@ -136,18 +208,45 @@ def test_one_that_is_not_there_is_refused(tmp_path: Path) -> None:
         Run.of(replace(LEARNER, teachers=str(tmp_path / "nowhere")))
 
 
-def test_it_is_of_the_rounds_of_a_run(tmp_path: Path) -> None:
-    """A clone of rounds learns from its teacher as from any expert."""
-    learner = TrainConfig(steps=64)
-    run = Run.of(replace(LEARNER, teachers=teacher(tmp_path), learner=learner, demonstration_rounds=1))
-    assert run.config.teachers == str(tmp_path)
+def test_a_run_tells_who_taught_it(tmp_path: Path) -> None:
+    run = Run.of(replace(LEARNER, teachers=teacher(tmp_path)))
     about = run.about_policy().extra
     assert about["settings"]["teachers"] == str(tmp_path)
     assert about["settings"]["expert"] == "mapless:4", "as --expert takes it"
-    (told,) = about["environment"]["teachers"]
+    (told,) = about["teachers"]
     assert told["taught"] == ["goal@clutter"]
+    assert about["environment"]["teachers"] == [f"goal@clutter {told['fingerprint']}"]
     assert told["fingerprint"] in str(run.expert)
     assert train_command(told["settings"]).startswith("adrl train --scenario clutter --robot any ")
+
+
+@pytest.mark.slow
+@pytest.mark.integration
+def test_rounds_of_another_teacher_are_not_gone_on_with(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    one, other = (
+        saved(Run.of(RunConfig(robot="diffbot", guidance="goal")), tmp_path / str(seed), seed)
+        for seed in (0, 1)
+    )
+    given = (*TRAIN, "--demonstration-rounds", "1", "--validation-episodes", "4", "--guidance", "goal")
+    assert run_cli(*given, "--teachers", one, "--out", tmp_path / "run") == 0
+    for words in (("--teachers", other), ()):
+        assert run_cli(*given, *words, "--out", tmp_path / "run", "--resume") != 0
+        said = capsys.readouterr().err
+        assert "environment.teachers = ['goal@clutter" in said
+        assert len(said.splitlines()[-1]) < 400
+
+
+def test_methods_without_an_expert_are_compared_without_teachers(tmp_path: Path) -> None:
+    folder = teacher(tmp_path, robot="diffbot")
+    shared = {"robot": "diffbot", "guidance": "goal", "encoder": ENCODER, "teachers": folder}
+    comparison = CompareConfig(methods="adrl,td3", **shared)  # pyright: ignore[reportArgumentType]
+    assert set(comparison.method_settings()) >= {"adrl", "td3"}
+    assert [comparison.run(name, 0, tmp_path).teachers for name in ("adrl", "td3")] == [folder, ""]
+    settings = comparison.settings()
+    teacher(tmp_path, robot="diffbot", seed=1)
+    assert comparison.settings() != settings, "trained anew"
 
 
 def test_who_was_taught_has_learned_from_the_worlds_of_its_teacher(tmp_path: Path) -> None:

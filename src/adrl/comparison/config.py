@@ -156,7 +156,9 @@ class CompareConfig(RunConfig):
         known = "td3" if method in SB3_METHODS else method
         values |= {"method": known, "out": out, "learner": replace(self.learner, seed=seed)}
         values["resume"] = self.env == NATIVE  # other simulators keep no state
-        alone = RunConfig(**values | {"dataset": None, "expert": PERFECT, "demonstration_rounds": 0})
+        alone = RunConfig(
+            **values | {"dataset": None, "expert": PERFECT, "teachers": "", "demonstration_rounds": 0}
+        )
         learner = alone.resolved()
         if not learner.schedule.imitates:  # nobody is cloned
             values["demonstration_rounds"] = 0
@@ -183,6 +185,8 @@ class CompareConfig(RunConfig):
         """What all results in one folder must share: neither methods nor seeds, nor where they are made."""
         content = self.document()
         content["expert"] = str(find_expert(self.expert))
+        if self.teachers:  # by their weights: a run's may change
+            content["teachers"] = [find_policy(one).fingerprint for one in listed(self.teachers)]
         for name in NOT_SHARED:
             del content[name]
         del content["learner"]["seed"]

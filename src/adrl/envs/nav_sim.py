@@ -337,7 +337,7 @@ class NavSim:
     def planned_actions(self, control: LocalControl, asked: Mask | None = None) -> F32:
         """(N, 2) actions of a local controller that knows the world, on the paths of the tasks.
 
-        asked (N,): whose; the others get 0. All, when None.
+        asked (N,): whose; the others are commanded to stand. All, when None.
         """
         command = np.zeros((self.num_envs, 2))
         mask = np.ones(self.num_envs, np.uint8) if asked is None else asked.astype(np.uint8)

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,15 +94,6 @@ class Demonstrations:
 
     def __len__(self) -> int:
         return len(self.observation)
-
-    def followed_by(self, *more: Self) -> Self:
-        """These steps, and then others of the same kind."""
-        parts = [
-            {f.name: getattr(part, f.name) for f in fields(part)}
-            | {"periods": np.broadcast_to(part.periods, len(part))}
-            for part in (self, *more)
-        ]
-        return type(self)(**{name: np.concatenate([part[name] for part in parts]) for name in parts[0]})
 
     @property
     def ended(self) -> Mask:

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.deploy.policy import MlpPolicy, load_policy, resolve_policy
-from adrl.deploy.setup import setup_of
-from adrl.errors import ConfigError
+from adrl.deploy.setup import Setup, setup_of
+from adrl.errors import CheckpointError
 from adrl.imitation.experts import Driver, Expert
-from adrl.observation import EncoderConfig
 from adrl.registry import listed
 from adrl.worlds.place import split_guidance
 
@@ -29,7 +28,7 @@ UNKNOWN, NOBODY = -2, -1
 """Who teaches a task: not looked up yet, and no policy."""
 
 
-def settings_of(places: Sequence[str], guidances: Sequence[str]) -> frozenset[tuple[str, str]]:
+def tasks_of(places: Sequence[str], guidances: Sequence[str]) -> frozenset[tuple[str, str]]:
     """(scenario, guidance) of the tasks of such a run. guidances: NAME or NAME@PLACE."""
     return frozenset(
         (place, guidance)
@@ -44,42 +43,31 @@ class Teacher:
     """A policy, and what it teaches."""
 
     policy: MlpPolicy
-    settings: frozenset[tuple[str, str]]
+    setup: Setup
+    tasks: frozenset[tuple[str, str]]
     """(scenario, guidance) of the tasks that it was trained in."""
 
     @classmethod
-    def of(cls, policy: str | os.PathLike[str], encoder: EncoderConfig, stop_within_m: float) -> Self:
-        """A run's folder, or a shipped policy, that sees what the learner sees.
-
-        encoder, stop_within_m: the learner's. Raises ConfigError where the policy has others, and CheckpointError.
-        """
-        loaded = load_policy(resolve_policy(policy))
-        setup, config = setup_of(loaded), loaded.config
-        for name, its, own in (
-            ("encoder", setup.encoder, encoder),
-            ("stop_within_m", setup.stop_within_m, stop_within_m),
-        ):
-            if its != own:
-                raise ConfigError(
-                    f"teacher {os.fspath(policy)!r} was trained with {name} {its}, and is to teach one with {own}; "
-                    "train both with the same"
-                )
+    def of(cls, policy: str | os.PathLike[str]) -> Self:
+        """A run's folder, or a shipped policy. Raises CheckpointError."""
+        try:
+            loaded = load_policy(resolve_policy(policy))
+        except CheckpointError as error:
+            raise CheckpointError(f"teachers: {error}") from None
+        config = loaded.config
         environment = config.table("environment")
         places = listed(str(environment.get("scenario", "")))
         guidances = environment.get("placed_guidances") or environment.get("guidances") or (config.guidance,)
-        return cls(
-            policy=loaded,
-            settings=settings_of(places, guidances),
-        )
+        return cls(policy=loaded, setup=setup_of(loaded), tasks=tasks_of(places, guidances))
 
     @property
     def taught(self) -> list[str]:
         """GUIDANCE@SCENARIO of what it teaches."""
-        return [f"{guidance}@{place}" for place, guidance in sorted(self.settings)]
+        return [f"{guidance}@{place}" for place, guidance in sorted(self.tasks)]
 
     @property
     def about(self) -> dict[str, Any]:
-        """What is told of it beside the policies that it has taught: with how much of what it was trained."""
+        """What is told of it beside the policies that it has taught: of what run it is, and how long that took."""
         config = self.policy.config
         return {
             "taught": self.taught,
@@ -107,11 +95,6 @@ class Taught:
         """The expert's."""
         return getattr(self.expert, "planner", None)
 
-    @property
-    def drives(self) -> int | None:
-        """The expert's."""
-        return getattr(self.expert, "drives", None)
-
     def driver(self, env: "NavVectorEnv", seed: int) -> Driver:
         """Raises ConfigError."""
         return _TaughtDriver(env, self.expert.driver(env, seed), self.teachers)
@@ -127,7 +110,10 @@ class _TaughtDriver(Driver):
         return self._driver.advising()
 
     def within_reach(self, actions: F32) -> F32:
-        return self._driver.within_reach(actions)
+        """The expert's limits are not its teachers'."""
+        return np.where(
+            self._driver.asked[:, None], self._driver.within_reach(actions), super().within_reach(actions)
+        )
 
     def actions(self) -> F32:
         env, task = self.env, self.env.task_index
@@ -135,7 +121,8 @@ class _TaughtDriver(Driver):
             self._teacher[new] = self._whose(int(new))
         teacher = self._teacher[task]
         self._driver.asked = teacher == NOBODY
-        actions, self.given_up = self._driver.actions(), self._driver.given_up
+        actions = self._driver.actions()
+        self.given_up = self._driver.given_up & self._driver.asked
         if (teacher != NOBODY).any():
             observation = env.sim.observe()
             for number, one in enumerate(self._teachers):
@@ -145,5 +132,6 @@ class _TaughtDriver(Driver):
 
     def _whose(self, task: int) -> int:
         """The number of the teacher who was trained in such tasks, or NOBODY."""
-        setting = (self.env.scenario_of_task(task).name, self.env.kinds[self.env.kind_of_task(task)].guidance)
-        return next((n for n, one in enumerate(self._teachers) if setting in one.settings), NOBODY)
+        env = self.env
+        kind = (env.scenario_of_task(task).name, env.kinds[env.kind_of_task(task)].guidance)
+        return next((n for n, one in enumerate(self._teachers) if kind in one.tasks), NOBODY)

@@ -1,6 +1,7 @@
 """The protocol of `adrl regret`: a comparison in each cell, and what they say together."""
 
 import contextlib
+import logging
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -15,7 +16,7 @@ from adrl.comparison.compare import claim, compare, require_same
 from adrl.comparison.config import CompareConfig
 from adrl.comparison.jobs import Job, all_jobs, is_finished
 from adrl.comparison.results import outcomes
-from adrl.errors import CheckpointError, FileError
+from adrl.errors import CheckpointError, FileError, UnknownName
 from adrl.json_files import read_json
 from adrl.registry import look_up
 from adrl.regret.cells import CELLS
@@ -23,6 +24,7 @@ from adrl.regret.numbers import Array, Scores
 from adrl.types import RobotConfig
 from adrl.worlds.tasks import GOAL_TOLERANCE_M, time_limit_s
 
+LOG = logging.getLogger("adrl.regret")
 METHODS = (
     *("adrl", "adrl-state", "adrl-clock", "td3", "rl-bc", "td3bc", "q-filter"),
     *("rlpd", "rlpd-cloned", "adaptive-bc", "spread", "ibrl", "jsrl"),
@@ -121,9 +123,15 @@ def _keep(config: CompareConfig) -> None:
     path = config.out / SCORES_FILE
     if path.exists():
         before = _read(path)
-        methods = dict.fromkeys((*before["methods"], *config.method_names))
-        config = replace(config, methods=",".join(methods), seeds=max(before["seeds"], config.seeds))
-    if _without_result(config):
+        methods = ",".join(dict.fromkeys((*before["methods"], *config.method_names)))
+        try:
+            config = replace(config, methods=methods, seeds=max(before["seeds"], config.seeds))
+        except UnknownName as error:  # a method that an installed package offered
+            LOG.warning("%s stays as it is: %s", path, error)
+            return
+    if lacking := _without_result(config):
+        if path.exists():
+            LOG.warning("%s stays as it is: of what it tells %s has no run here", path, lacking[0])
         return
     with contextlib.suppress(CheckpointError):  # of a broken run: whoever makes the tables is told
         files.write_json(path, _measured(config))

@@ -79,7 +79,7 @@ def _saw(config: PolicyConfig) -> Iterator[tuple[str, str]]:
     ]
     yield "training", ", ".join(numbers)
     yield "command", f"`{train_command(config.table('settings'))}`"
-    for teacher in environment.get(TEACHERS, ()):
+    for teacher in config.extra.get(TEACHERS, ()):
         taught = ", ".join(f"`{name}`" for name in teacher["taught"])
         seconds = teacher["train_seconds"]
         yield (

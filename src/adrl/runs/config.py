@@ -68,7 +68,7 @@ class RunConfig(Place):
     with the last clone, as fine_tune does with its policy: held at first, and the best is kept; 0 to 1000."""
     teachers: str = ""
     """Policies, run folders with commas between, that answer in the expert's place in tasks of the scenario and
-    guidance that they were trained in: what a policy of the same observations does can all be learnt."""
+    guidance that they were trained in. Train them with the same robot, encoder and stop_within_m."""
     dataset: Path | None = None
     """Minari dataset of demonstrations to use instead of collecting them."""
     validation_episodes: Annotated[int, Range(1, 1_000_000)] = 100

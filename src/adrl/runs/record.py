@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 PLANNER = "planner"
 """Entry of versions and of a policy's environment: what drove for the expert."""
 TEACHERS = "teachers"
-"""Entry of a policy's environment: see Teacher.about."""
+"""Entry of a policy's config.json: see Teacher.about; and of its environment, where each has a line."""
 VERSIONED = ("adrl", "numpy", "jax", "jaxlib", "gymnasium", "safetensors")
 
 
@@ -70,13 +70,14 @@ def about_policy(
                 **({"simulator": config.env} if config.env != NATIVE else {}),
                 **({"fine_tune": str(config.fine_tune)} if config.fine_tune is not None else {}),
                 **({PLANNER: planner.controller} if planner is not None else {}),
-                **({TEACHERS: [one.about for one in teachers]} if teachers else {}),
+                **({TEACHERS: list(map(str, teachers))} if teachers else {}),
                 **({"taken_as": asdict(run.taken_as)} if run.taken_as not in (None, run.robot) else {}),
                 **({"stop_within_m": run.stop_within_m} if math.isfinite(run.stop_within_m) else {}),
                 **_worlds(run),
                 "replanner": asdict(run.replanner),
             },
             "run": run.folder.name,
+            **({TEACHERS: [one.about for one in teachers]} if teachers else {}),
             # Of the weights that a replay shows; maturity None: the policy's own.
             "reward": {
                 "constants": asdict(learner.reward)

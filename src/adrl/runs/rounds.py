@@ -100,8 +100,16 @@ def _demonstrate(run: Run, env: NavVectorEnv, tell: Callable[[str], None]) -> Ou
     learner, rounds = run.learner, run.config.demonstration_rounds
     steps = -(-run.demonstration_steps // (rounds + 1))
     about = _about(run, env.expert, steps)
-    known = [load(path, about) for path in _files(run.folder)[: rounds + 1]]
-    seconds_before = sum(one.seconds for one in known)
+    gathered, seconds_before, last = (
+        Gathered((rounds + 1) * -(-steps // env.num_envs) * env.num_envs),
+        0.0,
+        None,
+    )
+    known = _files(run.folder)[: rounds + 1]
+    for path in known:
+        last = load(path, about)
+        gathered.add(last.shown)
+        seconds_before += last.seconds
     began_s = time.monotonic()
 
     def keep(number: int, shown: Demonstrations, clone: "Clone | None") -> None:
@@ -111,17 +119,17 @@ def _demonstrate(run: Run, env: NavVectorEnv, tell: Callable[[str], None]) -> Ou
         if run.simulator is None:
             save(_file(run.folder, number), Round(shown, state, seconds), about)
 
-    if known:
-        shown = known[0].shown.followed_by(*(one.shown for one in known[1:]))
-    else:
-        shown = collect(env, steps, expert=run.expert, seed=learner.seed)
-        keep(0, shown, None)
+    if last is None:
+        driven = collect(env, steps, expert=run.expert, seed=learner.seed)
+        keep(0, driven, None)
+        gathered.add(driven)
+    shown = gathered.shown()
     size, widths = shown.observation.shape[1], learner.td3.widths
     mirror = env.sim.encoder.mirror if learner.mirror else None
     clone = Clone(widths, size, mirror, np.random.default_rng((learner.seed, 2)))
-    if len(known) > 1:
-        clone.set_state(known[-1].clone)
-    first, known = max(len(known), 1), []
+    if last is not None and last.clone:
+        clone.set_state(last.clone)
+    first, last = max(len(known), 1), None
     config, arrived = replace(run.about_policy(), input_size=size, widths=widths), ""
     for number in range(first, rounds + 1):
         tell(f"demonstrations, round {number} of {rounds}{arrived}")
@@ -133,10 +141,35 @@ def _demonstrate(run: Run, env: NavVectorEnv, tell: Callable[[str], None]) -> Ou
         arrived = (
             f", the last clone arrived {int(ends.sum())} times and hit something {int((~ends).sum())} times"
         )
-        shown = shown.followed_by(driven)
+        gathered.add(driven)
+        shown = gathered.shown()
     tell(f"demonstrations, last clone{arrived}")
     clone.fit(shown, LAST_UPDATES, _rng_of_round(learner.seed, rounds + 1), last=True)
     return Outcome(shown, clone.policy(config), seconds_before)
+
+
+class Gathered:
+    """What all rounds have shown, in arrays made once for all of it: to join them anew takes twice the memory."""
+
+    def __init__(self, rows: int) -> None:
+        """rows: of all rounds together."""
+        self._rows, self._count = rows, 0
+        self._columns: dict[str, NDArray[Any]] = {}
+
+    def add(self, driven: Demonstrations) -> None:
+        """A round more."""
+        rows = slice(self._count, self._count + len(driven))
+        for field in dataclasses.fields(driven):
+            column = np.asarray(getattr(driven, field.name))
+            column = np.broadcast_to(column, (len(driven), *column.shape[1:]))  # periods may be one for all
+            if field.name not in self._columns:
+                self._columns[field.name] = np.empty((self._rows, *column.shape[1:]), column.dtype)
+            self._columns[field.name][rows] = column
+        self._count += len(driven)
+
+    def shown(self) -> Demonstrations:
+        """All so far; no copy."""
+        return Demonstrations(**{name: column[: self._count] for name, column in self._columns.items()})
 
 
 def _about(run: Run, planner: str, steps: int) -> dict[str, Any]:

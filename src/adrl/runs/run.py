@@ -18,15 +18,14 @@ from adrl.envs import Kind, Mixture, NavVectorEnv, Setting
 from adrl.envs.mixture import TaskPool
 from adrl.errors import ConfigError
 from adrl.evaluation.rollout import Rewards, rollout
-from adrl.imitation import Expert, find_expert
+from adrl.imitation import Expert
 from adrl.imitation.best_planner import Trial
-from adrl.imitation.teachers import Taught, Teacher, settings_of
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
-from adrl.registry import listed
 from adrl.runs.config import RunConfig
 from adrl.runs.fine_tuning import Start, beginning_with_a_policy
 from adrl.runs.record import about_policy
+from adrl.runs.teaching import expert_of
 from adrl.simulators import NATIVE, Simulator, find_simulator
 from adrl.types import RobotConfig, Scenario, Task
 from adrl.worlds import RobotFamily, load_robots
@@ -75,7 +74,7 @@ class Run:
             replanner=config.resolved_replanner(),
             encoder=config.encoder,
             taken_as=_taken_as(config, robot, start),
-            expert=_expert(config, scenarios),
+            expert=expert_of(config, scenarios, robot),
             simulator=find_simulator(config.env),
             start=start,
             folder=config.out or _default_folder(config, scenarios, robot),
@@ -187,24 +186,6 @@ STOP_WITHIN_M = 0.3
 """Of a family, if nothing else is said: see RunConfig.stop_within_m, and docs/decisions.md for what more costs."""
 REACH_M = 10.0
 """Where the scale of the scan's distances ends for a policy of a family, if nothing else is said: farther is free."""
-
-
-def _expert(config: RunConfig, scenarios: Sequence[Scenario]) -> Expert:
-    """Who shows how to drive. Raises AdrlError."""
-    expert, stop_within_m = find_expert(config.expert), config.stop_within_m
-    places = [scenario.name for scenario in scenarios]
-    learned = settings_of(places, config.placed_guidances)
-    teachers = [
-        Teacher.of(policy, config.encoder, math.inf if stop_within_m is None else stop_within_m)
-        for policy in listed(config.teachers)
-    ]
-    for policy, teacher in zip(listed(config.teachers), teachers, strict=True):
-        if not teacher.settings & learned:
-            raise ConfigError(
-                f"teacher {policy!r} was trained in {', '.join(teacher.taught)}, and the run has none of these; leave "
-                "it out, or give its scenario and guidance"
-            )
-    return Taught(expert, tuple(teachers)) if teachers else expert
 
 
 def _require_native(config: RunConfig, robot: RobotConfig | RobotFamily) -> None:
