@@ -19,6 +19,7 @@ from adrl.errors import ConfigError, UnknownName
 from adrl.evaluation.evaluate import EPISODES
 from adrl.evaluation.family import ROBOTS, TASKS
 from adrl.imitation.experts import PERFECT, find_expert
+from adrl.imitation.teachers import Teacher
 from adrl.registry import listed, look_up
 from adrl.runs import RunConfig
 from adrl.simulators import NATIVE
@@ -186,7 +187,7 @@ class CompareConfig(RunConfig):
         content = self.document()
         content["expert"] = str(find_expert(self.expert))
         if self.teachers:  # by their weights: a run's may change
-            content["teachers"] = [find_policy(one).fingerprint for one in listed(self.teachers)]
+            content["teachers"] = [Teacher.of(one).policy.fingerprint for one in listed(self.teachers)]
         for name in NOT_SHARED:
             del content[name]
         del content["learner"]["seed"]

@@ -131,7 +131,11 @@ def _keep(config: CompareConfig) -> None:
             return
     if lacking := _without_result(config):
         if path.exists():
-            LOG.warning("%s stays as it is: of what it tells %s has no run here", path, lacking[0])
+            LOG.warning(
+                "%s stays as it is: to tell of more, it needs %s too; keep these runs",
+                path,
+                ", ".join(lacking[:3]),
+            )
         return
     with contextlib.suppress(CheckpointError):  # of a broken run: whoever makes the tables is told
         files.write_json(path, _measured(config))

@@ -58,9 +58,13 @@ def _unfit(
                 "same"
             )
     yield from _other_robot(teacher, robot)
-    worlds = training_worlds(teacher.policy.config) or set()
+    worlds = training_worlds(teacher.policy.config)
     for scenario in scenarios:
-        if scenario.name in {place for place, _ in own} and not training_fingerprints(scenario) <= worlds:
+        if scenario.name not in {place for place, _ in own}:
+            continue
+        if worlds is None and training_fingerprints(scenario):
+            yield "does not say in which worlds it was trained; train it anew"
+        elif worlds is not None and not training_fingerprints(scenario) <= worlds:
             yield f"was trained in another world that is called {scenario.name}, too; train it in this one"
 
 
