@@ -79,14 +79,15 @@ def _saw(config: PolicyConfig) -> Iterator[tuple[str, str]]:
     ]
     yield "training", ", ".join(numbers)
     yield "command", f"`{train_command(config.table('settings'))}`"
-    for teacher in config.extra.get(TEACHERS, ()):
+    folders = listed(config.table("settings").get("teachers", ""))
+    for folder, teacher in zip(folders, config.extra.get(TEACHERS, ()), strict=True):
         taught = ", ".join(f"`{name}`" for name in teacher["taught"])
         seconds = teacher["train_seconds"]
         yield (
             f"teacher of {taught}",
             "" if seconds is None else f"another policy, trained for {seconds:,.0f} s",
         )
-        yield "its command", f"`{train_command(teacher['settings'])}`"
+        yield "its command", f"`{train_command(teacher['settings'])} {shlex.join(['--out', folder])}`"
 
 
 def _robots(config: PolicyConfig) -> Iterator[str]:

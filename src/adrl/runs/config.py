@@ -108,9 +108,11 @@ class RunConfig(Place):
                 f"demonstration_rounds asks an expert what it would do where a clone drives, and {other} leaves nobody "
                 "to ask; leave one out"
             )
-        for name in (f"expert {self.expert}",) * chosen + (f"teachers {self.teachers}",) * taught:
-            if self.dataset is not None:
-                raise ConfigError(f"{name} would drive, and dataset holds what was driven; leave one out")
+        for name, given in (("expert", chosen), ("teachers", taught)):
+            if given and self.dataset is not None:
+                raise ConfigError(
+                    f"{name} {getattr(self, name)} would drive, and dataset holds what was driven; leave one out"
+                )
 
     @property
     def chosen_method(self) -> str | Method:

@@ -102,7 +102,8 @@ def _worlds(run: "Run") -> dict[str, list[str] | None]:
     if run.start is not None:
         sources.append(training_worlds(run.start.policy.config))
     if isinstance(run.expert, Taught):
-        sources += [training_worlds(teacher.policy.config) for teacher in run.expert.teachers]
+        taught = [training_worlds(teacher.policy.config) for teacher in run.expert.teachers]
+        sources += [worlds for worlds in taught if worlds != set()]
     if run.config.dataset is not None:
         sources.append(recorded_worlds(run.config.dataset))
     if sources == [set()]:

@@ -100,11 +100,8 @@ def _demonstrate(run: Run, env: NavVectorEnv, tell: Callable[[str], None]) -> Ou
     learner, rounds = run.learner, run.config.demonstration_rounds
     steps = -(-run.demonstration_steps // (rounds + 1))
     about = _about(run, env.expert, steps)
-    gathered, seconds_before, last = (
-        Gathered((rounds + 1) * -(-steps // env.num_envs) * env.num_envs),
-        0.0,
-        None,
-    )
+    gathered = Gathered((rounds + 1) * -(-steps // env.num_envs) * env.num_envs)
+    seconds_before, last = 0.0, None
     known = _files(run.folder)[: rounds + 1]
     for path in known:
         last = load(path, about)

@@ -23,9 +23,9 @@ from adrl.imitation.best_planner import Trial
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.runs.config import RunConfig
+from adrl.runs.expert import expert_of
 from adrl.runs.fine_tuning import Start, beginning_with_a_policy
 from adrl.runs.record import about_policy
-from adrl.runs.teaching import expert_of
 from adrl.simulators import NATIVE, Simulator, find_simulator
 from adrl.types import RobotConfig, Scenario, Task
 from adrl.worlds import RobotFamily, load_robots
