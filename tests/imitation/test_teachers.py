@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from adrl.comparison.compare import compare
 from adrl.comparison.config import CompareConfig
 from adrl.deploy.policy import MlpPolicy
 from adrl.deploy.training_worlds import training_worlds
@@ -168,6 +169,21 @@ def test_a_teacher_of_many_robots_teaches_one_of_them(tmp_path: Path) -> None:
         Run.of(replace(one, robot=str(wide)))
 
 
+def test_one_that_takes_the_robot_for_another_is_refused(tmp_path: Path) -> None:
+    """What it asks for is read as shares of that other robot's speeds."""
+    start = saved(Run.of(RunConfig(robot="turtlebot3_burger", guidance="goal")), tmp_path / "start")
+    begun = {"scenario": "clutter", "robot": "jackal", "guidance": "goal", "method": "adrl"}
+    own, other = (
+        saved(Run.of(RunConfig(**begun, fine_tune=tune)), tmp_path / name)  # pyright: ignore[reportArgumentType]
+        for name, tune in (("own", None), ("other", start))
+    )
+    assert "goal@clutter" in str(Run.of(RunConfig(**begun, teachers=own)).expert)  # pyright: ignore[reportArgumentType]
+    assert "goal@clutter" in str(Run.of(RunConfig(**begun, teachers=other, fine_tune=start)).expert)  # pyright: ignore[reportArgumentType]
+    for teachers, tune in ((own, start), (other, None)):
+        with pytest.raises(ConfigError, match=r"takes the robot for another .*max_range_m .*--fine-tune"):
+            Run.of(RunConfig(**begun, teachers=teachers, fine_tune=tune))  # pyright: ignore[reportArgumentType]
+
+
 def test_another_world_of_the_same_name_is_refused(tmp_path: Path) -> None:
     box = "<link name='l'><collision name='c'><geometry><box><size>{0} {0} 1</size></box></geometry></collision></link>"
     for name, side_m in (("here", 0.5), ("there", 0.7)):
@@ -222,20 +238,25 @@ def test_a_run_tells_who_taught_it(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.integration
-def test_rounds_of_another_teacher_are_not_gone_on_with(
+def test_rounds_are_gone_on_with_by_their_own_teacher_alone(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     one, other = (
-        saved(Run.of(RunConfig(robot="diffbot", guidance="goal")), tmp_path / str(seed), seed)
+        saved(Run.of(RunConfig(robot="diffbot", guidance="map")), tmp_path / str(seed), seed)
         for seed in (0, 1)
     )
-    given = (*TRAIN, "--demonstration-rounds", "1", "--validation-episodes", "4", "--guidance", "goal")
-    assert run_cli(*given, "--teachers", one, "--out", tmp_path / "run") == 0
+    folder = tmp_path / "run"
+    given = (*TRAIN, "--demonstration-rounds", "1", "--validation-episodes", "4", "--out", folder)
+    assert run_cli(*given, "--guidance", "map", "--teachers", one) == 0
+    assert "demonstrated by" not in capsys.readouterr().err, "the planner was asked in no task"
+    assert "planner" not in json.loads((folder / "config.json").read_text())["environment"]
     for words in (("--teachers", other), ()):
-        assert run_cli(*given, *words, "--out", tmp_path / "run", "--resume") != 0
+        assert run_cli(*given, *words, "--resume") != 0
         said = capsys.readouterr().err
-        assert "environment.teachers = ['goal@clutter" in said
+        assert "environment.teachers = ['map@clutter" in said
         assert len(said.splitlines()[-1]) < 400
+    assert run_cli(*given, "--teachers", one, "--resume", "--steps", "6144") == 0
+    assert "6144 environment steps" in capsys.readouterr().err, "with the guidance of its checkpoint"
 
 
 def test_methods_without_an_expert_are_compared_without_teachers(tmp_path: Path) -> None:
@@ -247,6 +268,16 @@ def test_methods_without_an_expert_are_compared_without_teachers(tmp_path: Path)
     settings = comparison.settings()
     teacher(tmp_path, robot="diffbot", seed=1)
     assert comparison.settings() != settings, "trained anew"
+
+
+def test_a_comparison_with_an_unfit_teacher_is_refused_before_any_work(tmp_path: Path) -> None:
+    folder = teacher(tmp_path / "teacher", robot="diffbot")
+    comparison = CompareConfig(
+        methods="td3,adrl", robot="diffbot", guidance="goal", teachers=folder, out=tmp_path / "out"
+    )
+    with pytest.raises(ConfigError, match=r"encoder\.history_steps 2"):
+        compare(replace(comparison, learner=replace(comparison.learner, steps=2048)))
+    assert not (tmp_path / "out").exists()
 
 
 def test_who_was_taught_has_learned_from_the_worlds_of_its_teacher(tmp_path: Path) -> None:

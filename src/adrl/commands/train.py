@@ -11,7 +11,7 @@ from adrl.commands.progress import console, progress_bar
 from adrl.commands.run_options import parse_run
 from adrl.json_files import read_json
 from adrl.outputs import require_folder
-from adrl.runs import Run, RunConfig, train
+from adrl.runs import RunConfig, train
 from adrl.runs.record import PLANNER
 from adrl.runs.train import VERSIONS_FILE
 
@@ -54,11 +54,10 @@ def main(arguments: Sequence[str]) -> int:
     scores = result.policy.config.extra.get("validated")
     if scores is not None:
         console().print(_kept(scores))
-    folder = Run.of(config).folder
-    planner = read_json(folder / VERSIONS_FILE, dict[str, str]).get(PLANNER)
+    planner = read_json(result.folder / VERSIONS_FILE, dict[str, str]).get(PLANNER)
     if planner is not None:
         console().print(f"demonstrated by {planner}")
-    print(folder)
+    print(result.folder)
     return 0
 
 

@@ -19,6 +19,7 @@ from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.evaluation.results import write_table
 from adrl.json_files import read_json
 from adrl.outputs import locked, require_folder
+from adrl.runs import Run
 from adrl.types import with_defaults, without_constants
 
 SCHEMA_VERSION = 1
@@ -55,7 +56,7 @@ def compare(
     if config.ray is not None:
         extras.require("ray", "--ray")
     for method in config.method_names:
-        config.run(method, config.learner.seed, config.out)
+        Run.of(config.run(method, config.learner.seed, config.out))
     with locked(config.out):
         claim(config, config.out)
         return _run(config, on_change, elsewhere)

@@ -91,6 +91,11 @@ class Taught:
         return "; ".join(map(str, (self.expert, *self.teachers)))
 
     @property
+    def tasks(self) -> frozenset[tuple[str, str]]:
+        """(scenario, guidance) of what the teachers answer for."""
+        return frozenset[tuple[str, str]]().union(*(teacher.tasks for teacher in self.teachers))
+
+    @property
     def planner(self) -> str | None:
         """The expert's."""
         return getattr(self.expert, "planner", None)

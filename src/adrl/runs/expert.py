@@ -15,8 +15,16 @@ from adrl.worlds import RobotFamily
 from adrl.worlds.given import training_fingerprints
 
 
-def expert_of(config: RunConfig, scenarios: Sequence[Scenario], robot: RobotConfig | RobotFamily) -> Expert:
-    """The expert of a run, taught where it has teachers. Raises AdrlError, also where one sees something else."""
+def expert_of(
+    config: RunConfig,
+    scenarios: Sequence[Scenario],
+    robot: RobotConfig | RobotFamily,
+    taken_as: RobotConfig | None,
+) -> Expert:
+    """The expert of a run, taught where it has teachers. Raises AdrlError, also where one sees something else.
+
+    taken_as: the robot as the run's policy takes it, see Run; None for a family.
+    """
     expert = find_expert(config.expert)
     if not config.teachers:
         return expert
@@ -25,14 +33,18 @@ def expert_of(config: RunConfig, scenarios: Sequence[Scenario], robot: RobotConf
     teachers = []
     for name in listed(config.teachers):
         teacher = Teacher.of(name)
-        for wrong in _unfit(teacher, config, scenarios, robot):
+        for wrong in _unfit(teacher, config, scenarios, robot, taken_as):
             raise ConfigError(f"teacher {name!r} {wrong}")
         teachers.append(teacher)
     return Taught(expert, tuple(teachers))
 
 
 def _unfit(
-    teacher: Teacher, config: RunConfig, scenarios: Sequence[Scenario], robot: RobotConfig | RobotFamily
+    teacher: Teacher,
+    config: RunConfig,
+    scenarios: Sequence[Scenario],
+    robot: RobotConfig | RobotFamily,
+    taken_as: RobotConfig | None,
 ) -> Iterator[str]:
     """What speaks against a teacher."""
     setup = teacher.setup
@@ -57,7 +69,7 @@ def _unfit(
                 f"was trained with {options}.{field} {its[field]}, and the run has {ours[field]}; train both with the "
                 "same"
             )
-    yield from _other_robot(teacher, robot)
+    yield from _other_robot(teacher, robot, taken_as)
     worlds = training_worlds(teacher.policy.config)
     for scenario in scenarios:
         if scenario.name not in {place for place, _ in own}:
@@ -68,7 +80,9 @@ def _unfit(
             yield f"was trained in another world that is called {scenario.name}, too; train it in this one"
 
 
-def _other_robot(teacher: Teacher, robot: RobotConfig | RobotFamily) -> Iterator[str]:
+def _other_robot(
+    teacher: Teacher, robot: RobotConfig | RobotFamily, taken_as: RobotConfig | None
+) -> Iterator[str]:
     family, trained = teacher.setup.family, teacher.setup.robot
     if isinstance(robot, RobotFamily):
         if family != robot:
@@ -78,3 +92,9 @@ def _other_robot(teacher: Teacher, robot: RobotConfig | RobotFamily) -> Iterator
             yield f"was trained for another robot, with {', '.join(different[:3])}; train both with the same --robot"
     elif family is not None and (outside := outside_family("of it", family, robot)) is not None:
         yield f"does not know the robot: {outside}; train both with the same --robot"
+    if isinstance(robot, RobotConfig) and taken_as is not None:
+        if different := robot_differences(taken_as, teacher.setup.taken_as(robot)):
+            yield (
+                f"takes the robot for another than the run does, with {', '.join(different[:3])}; begin both with the "
+                "same --fine-tune, or with none"
+            )

@@ -20,6 +20,7 @@ from adrl.errors import ConfigError
 from adrl.evaluation.rollout import Rewards, rollout
 from adrl.imitation import Expert
 from adrl.imitation.best_planner import Trial
+from adrl.imitation.teachers import tasks_of
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.runs.config import RunConfig
@@ -65,6 +66,7 @@ class Run:
         _require_native(config, robot)
         if isinstance(robot, RobotFamily):
             config = _of_family(config, robot, start)
+        taken_as = _taken_as(config, robot, start)
         return cls(
             config=config,
             scenarios=scenarios,
@@ -73,12 +75,17 @@ class Run:
             guidances=config.guidances,
             replanner=config.resolved_replanner(),
             encoder=config.encoder,
-            taken_as=_taken_as(config, robot, start),
-            expert=expert_of(config, scenarios, robot),
+            taken_as=taken_as,
+            expert=expert_of(config, scenarios, robot, taken_as),
             simulator=find_simulator(config.env),
             start=start,
             folder=config.out or _default_folder(config, scenarios, robot),
         )
+
+    @property
+    def tasks(self) -> frozenset[tuple[str, str]]:
+        """(scenario, guidance) of what it trains in."""
+        return tasks_of([scenario.name for scenario in self.scenarios], self.config.placed_guidances)
 
     @property
     def stop_within_m(self) -> float:

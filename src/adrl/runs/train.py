@@ -19,6 +19,7 @@ from adrl.errors import AdrlError, ConfigError
 from adrl.imitation import Demonstrations, Source, collect, load_minari
 from adrl.imitation.best_planner import planner_of
 from adrl.imitation.probe import Probe, as_shown, probe_steps, record_probe
+from adrl.imitation.teachers import Taught
 from adrl.outputs import locked, require_folder
 from adrl.runs import rounds
 from adrl.runs.config import RunConfig
@@ -52,15 +53,13 @@ def train(
     extras.require("train", "training")
     start_time_s = time.monotonic() if start_time_s is None else start_time_s
     budget.require_end(config.learner)
-    run = Run.of(config)
+    run = Run.of(_as_begun(config))
     require_folder("out", run.folder, *RUN_FILES)
     resumed = checkpoint.exists(run.folder)
     if not config.resume:
         _require_no_run(run, resumed or rounds.exist(run.folder))
     elif rounds.exist(run.folder) and config.demonstration_rounds == 0:
         raise ConfigError(f"{run.folder} holds a run with demonstration_rounds; give as many again")
-    elif resumed and config.guidance is None:
-        run = Run.of(replace(config, guidance=_guidance_of(run.folder), out=run.folder))
     alone = run.robot if isinstance(run.robot, RobotConfig) else None
     strange = None if run.start is None or alone is None else run.start.strange(alone)
     if strange is not None:
@@ -91,12 +90,17 @@ def _nothing_by_halves(folder: Path) -> Iterator[None]:
         raise
 
 
-def _guidance_of(folder: Path) -> str | None:
-    """What the newest checkpoint of a run says, as option guidance takes it."""
-    said = checkpoint.settings(folder)
+def _as_begun(config: RunConfig) -> RunConfig:
+    """A run that is gone on with has the guidance of its newest checkpoint, if no other is given.
+
+    A folder of its own (no out) is named after its guidance, so there is nothing to look up.
+    """
+    if not config.resume or config.out is None or config.guidance is not None:
+        return config
+    said = checkpoint.settings(config.out)
     environment = said.get("environment") or {}
     several = environment.get("placed_guidances") or environment.get("guidances")
-    return ",".join(several) if several else said.get("guidance")
+    return replace(config, guidance=",".join(several) if several else said.get("guidance"))
 
 
 def _require_no_run(run: Run, resumed: bool) -> None:
@@ -156,7 +160,8 @@ def _train(
     if probed:
         tell("probe")
         probe = _probe(run, env.expert, demonstrations)
-    demonstrator = planner if demonstrates else None
+    all_taught = isinstance(run.expert, Taught) and run.tasks <= run.expert.tasks
+    demonstrator = planner if demonstrates and not all_taught else None
     about = run.about_policy(
         planner=demonstrator,
         demonstration_seconds=demonstrated_s - began_s,
