@@ -70,6 +70,24 @@ def test_equal_seeds_equal_bytes(name: str) -> None:
     assert first == second != other
 
 
+@pytest.mark.parametrize("name", EXPERTS)
+def test_who_is_asked_gets_the_same_answer_whoever_else_is_asked(name: str) -> None:
+    """An expert need not plan for the others: a teacher answers for them, for whole drives."""
+    envs = [NavVectorEnv(8, task_pool=8, randomize=False) for _ in range(2)]
+    some, all_ = (find_expert(name).driver(env, 0) for env in envs)
+    some.asked = np.arange(8) % 2 == 0
+    for env in envs:
+        env.expert = "mppi"
+        env.reset(seed=1)
+    for _ in range(60):
+        part, whole = some.actions(), all_.actions()
+        np.testing.assert_array_equal(part[some.asked], whole[some.asked])
+        for env in envs:
+            env.step(np.where(some.asked[:, None], whole, 0.3).astype(np.float32))
+    assert (whole[some.asked] != 0.0).any()
+    assert not np.array_equal(part, whole), "no plan is made for the others"
+
+
 def test_perfect_is_the_planner() -> None:
     recorded = data("perfect", 1600)
     env = NavVectorEnv(16, task_pool=32)

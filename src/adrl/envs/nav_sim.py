@@ -329,10 +329,10 @@ class NavSim:
             kind=self.b["kind"],
         )
 
-    def expert_actions(self) -> F32:
+    def expert_actions(self, asked: Mask | None = None) -> F32:
         """(N, 2) actions of A* and the expert's controller in the current states, which know the world and where discs
-        will be."""
-        return self.planned_actions(self.expert)
+        will be. asked (N,): see planned_actions."""
+        return self.planned_actions(self.expert, asked)
 
     def planned_actions(self, control: LocalControl, asked: Mask | None = None) -> F32:
         """(N, 2) actions of a local controller that knows the world, on the paths of the tasks.

@@ -276,14 +276,15 @@ class NavVectorEnv(VectorEnv[F32, F32, NDArray[Any]]):
                 observation[begun] = self.sim.observe(begun)
         return observation, terminated, truncated, info
 
-    def expert_actions(self) -> F32:
+    def expert_actions(self, asked: Mask | None = None) -> F32:
         """(N, 2) actions of A* and the expert, which know everything, in the current states.
 
+        asked (N,): whose; the others are commanded to stand. All, when None. Let it be the same for a whole episode.
         A robot that has not got on for 4 s is led to where it has room, for 2 s. Where somebody else drives, ask within
         `with env.sim.expert.advising():`, which leaves that out.
         """
         self._check_begun()
-        return self.sim.expert_actions()
+        return self.sim.expert_actions(asked)
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """One (H, W, 3) picture a robot, in render mode rgb_array."""

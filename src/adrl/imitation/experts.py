@@ -45,7 +45,7 @@ class Driver:
 
     def actions(self) -> F32:
         """(N, 2) what the expert does in the environment's current states. Asked once a step."""
-        return self.env.expert_actions()
+        return self.env.expert_actions(self.asked)
 
     def advising(self) -> AbstractContextManager[None]:
         """While this lasts somebody else drives, and asks what the expert would do: see LocalControl.advising."""
@@ -110,7 +110,7 @@ class _SlowDriver(Driver):
         self._share = share
 
     def actions(self) -> F32:
-        return self.within_reach(self.env.expert_actions())
+        return self.within_reach(super().actions())
 
     def within_reach(self, actions: F32) -> F32:
         robots = self.env.sim.rows.robot
@@ -144,7 +144,7 @@ class _NoisyDriver(Driver):
         begins = self._bursts.step(self.env.sim.rows.robot.control_period_s)
         drawn = self._rng.uniform(-1.0, 1.0, self._wrong.shape).astype(np.float32)
         self._wrong[begins] = drawn[begins]
-        return np.where(self._bursts.active[:, None], self._wrong, self.env.expert_actions())
+        return np.where(self._bursts.active[:, None], self._wrong, super().actions())
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ class _ShyDriver(Driver):
         return self._paths.control.advising()
 
     def actions(self) -> F32:
-        commands = self._paths.commands()
+        commands = self._paths.commands(self.asked)
         self.given_up = self._paths.at_end
         return to_action(commands, self.env.robot)
 
@@ -194,7 +194,7 @@ class _HalfWiseDriver(Driver):
 
     def actions(self) -> F32:
         wise = self.wise[self.env.task_index]
-        return np.where(wise[:, None], self.env.expert_actions(), self._blind())
+        return np.where(wise[:, None], super().actions(), self._blind())
 
     def _blind(self) -> F32:
         """(N, 2) straight for the goal: turn to it, the faster ahead the straighter it lies."""

@@ -71,8 +71,8 @@ class ShyPaths:
         """(N,) robots that have come as far as they dare, short of the goal."""
         self._starts = EpisodeStarts(env)
 
-    def commands(self) -> Array:
-        """(N, 2) speed and yaw rate in the current states; none for those at_end."""
+    def commands(self, asked: NDArray[np.bool_]) -> Array:
+        """(N, 2) speed and yaw rate in the current states; none for those at_end, and for those not asked (N,)."""
         env, pose = self._env, self._b["pose"]
         begun = self._starts.rows()
         for i in begun:
@@ -80,7 +80,7 @@ class ShyPaths:
         self.control.restart(begun)
         self._guide.follow(pose)
         out = np.zeros((env.num_envs, 2))
-        self._guide.plan(np.ones(env.num_envs, np.uint8), self.control.native, out)
+        self._guide.plan(asked.view(np.uint8), self.control.native, out)
         self.at_end = ~self._ends_at_goal & (self._b["route_left"] < NEAR_M)
         out[self.at_end] = 0.0
         return out
