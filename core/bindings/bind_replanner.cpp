@@ -70,8 +70,8 @@ void check(const ReplannerSetup &s) {
         throw nb::value_error("resolution_m, max_range_m or reach_m is not positive");
     check(s.costs, s.shape.resolution);
     const Evidence &e = s.evidence;
-    if (e.low > 0 || e.low < -127 || e.high < 1 || e.high > 127 || e.hit <= -e.low || e.hit > 254 || e.miss < 0)
-        throw nb::value_error("evidence: give -127 <= low <= 0 < high <= 127, hit > -low and miss >= 0");
+    if (e.low > 0 || e.low < -63 || e.high < 1 || e.high > 63 || e.hit <= -e.low || e.hit > 126 || e.miss < 0)
+        throw nb::value_error("evidence: give -63 <= low <= 0 < high <= 63, hit > -low and miss >= 0");
 }
 
 // Side by side are windows of one shape, and planners whose routes cost alike but for the clearances.
@@ -219,7 +219,7 @@ nb::tuple plan_route(RoutePlanner &self, const LogOdds &log_odds, std::pair<int,
     Route route{nullptr, 0.0, false};
     {
         const nb::gil_scoped_release release;
-        route = self.plan(log_odds.data(), {start.first, start.second}, {goal.first, goal.second}, heading);
+        route = self.plan(log_odds.data(), Evidence().wall(), {start.first, start.second}, {goal.first, goal.second}, heading);
     }
     std::int32_t *out = nullptr;
     auto cells = new_array<std::int32_t>({route.cells->size(), 2}, out);

@@ -52,6 +52,16 @@ double free_range(const Scanner &scanner, const float *ranges, int i) {
     return std::min({before, at(i), after, scanner.reach});
 }
 
+std::int8_t hit(std::int8_t cell, const Evidence &evidence) {
+    const int once_free = cell & 1;
+    return static_cast<std::int8_t>(std::min(cell + 2 * evidence.hit, evidence.wall() - once_free));
+}
+
+std::int8_t missed(std::int8_t cell, const Evidence &evidence) {
+    const int less = cell - 2 * evidence.miss;
+    return less <= 2 * evidence.low ? evidence.free() : static_cast<std::int8_t>(less);
+}
+
 } // namespace
 
 void clear_window(std::int8_t *log_odds, const WindowShape &shape, WindowOrigin &origin, Vec2 robot) {
@@ -188,14 +198,13 @@ void ScanIntegrator::enter_hits(const Scanner &scanner, std::int8_t *log_odds, V
         const double range = ranges[i];
         if (!(range > 0.0 && range < limit)) continue;
         // Half a cell into the obstacle: noise then seldom thickens it towards the robot, and narrow gaps stay open.
-        const Vec2 hit = sensor + (range / shape_.resolution + 0.5) * directions_[i];
-        if (!(hit.x >= 0.0 && hit.y >= 0.0 && hit.x < shape_.width && hit.y < shape_.height)) continue;
+        const Vec2 at = sensor + (range / shape_.resolution + 0.5) * directions_[i];
+        if (!(at.x >= 0.0 && at.y >= 0.0 && at.x < shape_.width && at.y < shape_.height)) continue;
         const std::size_t cell =
-            static_cast<std::size_t>(hit.y) * static_cast<std::size_t>(shape_.width) + static_cast<std::size_t>(hit.x);
+            static_cast<std::size_t>(at.y) * static_cast<std::size_t>(shape_.width) + static_cast<std::size_t>(at.x);
         if (mark_[cell] == epoch_) continue;
         mark_[cell] = epoch_;
-        log_odds[cell] =
-            static_cast<std::int8_t>(std::min(log_odds[cell] + scanner.evidence.hit, scanner.evidence.high));
+        log_odds[cell] = hit(log_odds[cell], scanner.evidence);
     }
 }
 
@@ -222,7 +231,7 @@ void ScanIntegrator::trace(const Evidence &evidence, std::int8_t *log_odds, Vec2
         const std::size_t cell = static_cast<std::size_t>(y >> 16) * shape_.width + (x >> 16);
         if (mark_[cell] == epoch_) continue;
         mark_[cell] = epoch_;
-        log_odds[cell] = static_cast<std::int8_t>(std::max(log_odds[cell] - evidence.miss, evidence.low));
+        log_odds[cell] = missed(log_odds[cell], evidence);
     }
 }
 
@@ -236,8 +245,7 @@ void ScanIntegrator::free_body(const Scanner &scanner, std::int8_t *log_odds, Ve
     for (int row = first(robot.y); row <= last(robot.y, shape_.height); ++row) {
         for (int column = first(robot.x); column <= last(robot.x, shape_.width); ++column) {
             if (norm(Vec2{column + 0.5, row + 0.5} - robot) > radius) continue;
-            log_odds[static_cast<std::size_t>(row) * shape_.width + column] =
-                static_cast<std::int8_t>(scanner.evidence.low);
+            log_odds[static_cast<std::size_t>(row) * shape_.width + column] = scanner.evidence.free();
         }
     }
 }

@@ -87,7 +87,8 @@ void Replanner::plan_one(int i, Scratch &scratch, const Pose &pose, Vec2 goal, c
     const Kind &kind = kind_of(i);
     planner.use(kind.costs);
     const Cell start = cell_of({pose.x, pose.y}, shape_, window);
-    const Route route = planner.plan(cells(i), start, cell_of(goal, shape_, window), pose.theta);
+    const Route route =
+        planner.plan(cells(i), kind.scanner.evidence.wall(), start, cell_of(goal, shape_, window), pose.theta);
     if (route.cells->size() < 2 && !route.reached) {
         b_.found[i] = 0;
         return;

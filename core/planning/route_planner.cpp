@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "clones.hpp"
+#include "planning/occupancy.hpp"
 #include "world/world.hpp"
 
 namespace adrl {
@@ -18,6 +19,7 @@ constexpr int kRow[8] = {0, 1, 1, 1, 0, -1, -1, -1};
 constexpr int kColumn[8] = {1, 1, 0, -1, -1, -1, 0, 1};
 // Metres: a goal that close to a cell that can be reached is not left for the border.
 constexpr double kNearEnough = 0.3;
+constexpr std::int8_t kSolid = 1; // the least that a solid cell holds
 
 int limit_cells(const RouteCosts &costs, double resolution) {
     const double cells = std::ceil((costs.inflation + costs.comfort) / resolution);
@@ -31,8 +33,9 @@ std::uint32_t queue_span(const RouteCosts &costs, double resolution) {
     return std::bit_ceil(static_cast<std::uint32_t>(move + (costs.headings ? turn : 0.0)) + 16U);
 }
 
-// Distance along the column to the nearest solid cell, at most limit; rows side by side.
-ADRL_CLONES void scan_columns(const std::int8_t *log_odds, int height, int width, int limit, std::uint8_t *column) {
+// Distance along the column to the nearest cell that holds `solid` or more, at most limit; rows side by side.
+ADRL_CLONES void scan_columns(const std::int8_t *log_odds, std::int8_t solid, int height, int width, int limit,
+                              std::uint8_t *column) {
     const auto far = static_cast<std::uint8_t>(limit);
     for (int y = 0; y < height; ++y) {
         const std::int8_t *cells = log_odds + static_cast<std::ptrdiff_t>(y) * width;
@@ -41,7 +44,7 @@ ADRL_CLONES void scan_columns(const std::int8_t *log_odds, int height, int width
         for (int x = 0; x < width; ++x) {
             const auto next = static_cast<std::uint8_t>(above ? above[x] + 1 : far);
             const std::uint8_t capped = next < far ? next : far;
-            here[x] = cells[x] > 0 ? std::uint8_t{0} : capped;
+            here[x] = cells[x] >= solid ? std::uint8_t{0} : capped;
         }
     }
     for (int y = height - 2; y >= 0; --y) {
@@ -134,8 +137,14 @@ void RoutePlanner::level() {
     row_.assign(static_cast<std::size_t>(width_) + 2 * limit_, static_cast<std::uint16_t>(limit_ * limit_));
 }
 
-void RoutePlanner::measure(const std::int8_t *log_odds) {
-    scan_columns(log_odds, height_, width_, limit_, column_.data());
+bool RoutePlanner::survey(const std::int8_t *log_odds, std::int8_t solid, Cell start, Cell goal) {
+    measure(log_odds, solid);
+    free_around(start);
+    return aim(start, goal);
+}
+
+void RoutePlanner::measure(const std::int8_t *log_odds, std::int8_t solid) {
+    scan_columns(log_odds, solid, height_, width_, limit_, column_.data());
     for (int y = 0; y < height_; ++y) {
         const std::ptrdiff_t row = static_cast<std::ptrdiff_t>(y) * width_;
         scan_row(column_.data() + row, width_, limit_, row_.data(), clearance2_.data() + row);
@@ -184,7 +193,7 @@ int RoutePlanner::root(int run) {
 
 // Free cells joined by their sides are runs of rows that overlap: far fewer than cells. A diagonal move needs both its
 // neighbours, so what it reaches is joined by sides too.
-void RoutePlanner::aim(Cell start, Cell goal) {
+bool RoutePlanner::aim(Cell start, Cell goal) {
     runs_.clear();
     int start_run = 0;
     for (int row = 0; row < height_; ++row) {
@@ -225,19 +234,18 @@ void RoutePlanner::aim(Cell start, Cell goal) {
         target_ = {run.row, column};
     }
     // A goal outside, or shut off within the window: the way there may lie beyond it.
-    leaves_ = joins_border && least > 0;
-    if (leaves_ && !(in_window(goal) && std::sqrt(least) * resolution_ <= kNearEnough))
-        target_ = goal;
-    else
-        leaves_ = false;
+    const bool near = in_window(goal) && std::sqrt(least) * resolution_ <= kNearEnough;
+    leaves_ = joins_border && !near;
+    if (leaves_) target_ = goal;
+    return leaves_ || near;
 }
 
 double RoutePlanner::obstacle_density(int row, int column) const { return density_of_[level_[index(row, column)]]; }
 
-Route RoutePlanner::plan(const std::int8_t *log_odds, Cell start, Cell goal, double heading) {
-    measure(log_odds);
-    free_around(start);
-    aim(start, goal);
+Route RoutePlanner::plan(const std::int8_t *log_odds, std::int8_t wall, Cell start, Cell goal, double heading) {
+    if (!survey(log_odds, kSolid, start, goal) && !survey(log_odds, wall, start, goal)) {
+        survey(log_odds, kSolid, start, goal);
+    }
     cells_.clear();
     to_go_.clear();
     const std::size_t from = index(start.row, start.column);

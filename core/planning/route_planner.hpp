@@ -48,12 +48,12 @@ class RoutePlanner {
     // nothing where they sum to no more than those it was made for.
     void use(const RouteCosts &costs);
 
-    // log_odds (height x width): solid above 0. The route to a goal outside of the window, or one that is shut off
-    // within it, ends in the border cell from which the octile rest of the way is least in all. Where the border is
-    // shut off too, or a cell within 0.3 m of the goal can be reached, it ends in the reachable cell nearest to the
-    // goal. heading: of the robot, radians, counted with `headings` only. The start counts as free, and around it as
-    // much clearance is asked for as it has.
-    Route plan(const std::int8_t *log_odds, Cell start, Cell goal, double heading);
+    // log_odds (height x width) and wall: as in Evidence. The route to a goal outside of the window, or one that is shut
+    // off within it, ends in the border cell from which the octile rest of the way is least in all. Where the border is
+    // shut off too, walls alone count as solid. Where that does not help either, or a cell within 0.3 m of the goal can
+    // be reached, it ends in the reachable cell nearest to the goal. heading: of the robot, radians, counted with
+    // `headings` only. The start counts as free, and around it as much clearance is asked for as it has.
+    Route plan(const std::int8_t *log_odds, std::int8_t wall, Cell start, Cell goal, double heading);
 
     // Of the last plan:
     // cost from each cell of the route to its end, metres
@@ -80,9 +80,12 @@ class RoutePlanner {
         return c.row == 0 || c.column == 0 || c.row == height_ - 1 || c.column == width_ - 1;
     }
     void level();
-    void measure(const std::int8_t *log_odds);
+    // What is free in the window, and where to: whether that leads to the goal, or out of the window. solid: the least
+    // that a cell holds which is not passed.
+    bool survey(const std::int8_t *log_odds, std::int8_t solid, Cell start, Cell goal);
+    void measure(const std::int8_t *log_odds, std::int8_t solid);
     void free_around(Cell start);
-    void aim(Cell start, Cell goal);
+    bool aim(Cell start, Cell goal);
     int root(int run);
     void prepare(int row);
     void prepare_beside(std::size_t cell);

@@ -73,14 +73,20 @@ TEST_CASE("hits make cells solid, the way to them free, and what is seen through
             integrator.integrate(scanner, window.cells.data(), window.origin, robot, ranges.data(), k % 2);
     };
     scan(0.95F, 1);
-    CHECK(window.at(0, 10) == evidence.hit); // hit at x = 1.0 m, and half a cell into the obstacle
+    CHECK(window.at(0, 10) == 2 * evidence.hit); // hit at x = 1.0 m, and half a cell into the obstacle
     CHECK(window.at(0, 15) == 0);            // behind it: never seen
     scan(0.95F, 1);
-    CHECK(window.at(0, 10) == evidence.high);
+    CHECK(window.at(0, 10) == evidence.wall());
     CHECK(window.at(0, 5) < 0);
     scan(1.95F, 2 * (evidence.high / evidence.miss + 1));
     CHECK(window.at(0, 10) < 0);
-    CHECK(window.at(0, 20) > 0);
+    CHECK(window.at(0, 10) % 2 == 0); // not yet as surely free as can be
+    CHECK(window.at(0, 20) == evidence.wall());
+    scan(1.95F, 2 * (-evidence.low / evidence.miss));
+    CHECK(window.at(0, 10) == evidence.free());
+    scan(0.95F, 10);
+    CHECK(window.at(0, 10) == evidence.wall() - 1); // who came to stand there may go
+    CHECK(window.at(0, 20) == evidence.wall());
 }
 
 TEST_CASE("a corridor with a solid cell in it is not free, and one that was never seen is not known") {

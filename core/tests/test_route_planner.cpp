@@ -17,7 +17,7 @@ TEST_CASE("clearance is exact up to the most that is measured, and no farther di
         costs.inflation = 4.0;
         costs.comfort = comfort;
         RoutePlanner planner(kSide, kSide, 0.05, costs);
-        planner.plan(window.data(), {390, 390}, {395, 395}, 0.0);
+        planner.plan(window.data(), Evidence().wall(), {390, 390}, {395, 395}, 0.0);
         const auto density = [&](double away) { return 1.0 - (away - 80.0) / (comfort / 0.05); };
         CHECK_FALSE(planner.is_free(56, 56)); // 79.2 cells from the solid one
         CHECK(planner.is_free(57, 57));       // 80.6

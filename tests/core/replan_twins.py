@@ -14,6 +14,20 @@ UNIT, DIAGONAL_UNITS = 64, 90
 MOVES = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
 """(row, column), counter-clockwise from the x axis."""
 HIT, MISS, LOW, HIGH = 30, 6, -20, 60
+def log_odds(evidence: int, *, once_free: bool = False) -> int:
+    """What a cell holds."""
+    return 2 * evidence - once_free
+
+
+WALL = log_odds(HIGH)
+"""What is surely solid and was never surely free."""
+GUEST = log_odds(HIGH, once_free=True)
+"""What is surely solid and was surely free once."""
+
+
+def evidence_of(cell: int) -> tuple[int, bool]:
+    """And what it says: its evidence, and whether it has once been surely free."""
+    return math.ceil(cell / 2), cell % 2 == 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +69,8 @@ def integrate(
         cell = math.floor(y + reach * dy), math.floor(x + reach * dx)
         if 0 <= cell[0] < height and 0 <= cell[1] < width and cell not in marked:
             marked.add(cell)
-            cells[cell] = min(int(cells[cell]) + HIT, HIGH)
+            evidence, once_free = evidence_of(int(cells[cell]))
+            cells[cell] = log_odds(min(evidence + HIT, HIGH), once_free=once_free)
     for i in range(parity, count, 2):
         dx, dy = beams[i]
         free = min(ranges[i - 1], ranges[i], ranges[(i + 1) % count], max_range_m) / resolution_m - 1.0
@@ -64,7 +79,9 @@ def integrate(
             cell = math.floor(y + k * dy / longer), math.floor(x + k * dx / longer)
             if 0 <= cell[0] < height and 0 <= cell[1] < width and cell not in marked:
                 marked.add(cell)
-                cells[cell] = max(int(cells[cell]) - MISS, LOW)
+                evidence, once_free = evidence_of(int(cells[cell]))
+                evidence = max(evidence - MISS, LOW)
+                cells[cell] = log_odds(evidence, once_free=once_free or evidence == LOW)
 
 
 class Grid:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from adrl import _core
 from adrl.types import Array
 from core.arenas import random_world
-from core.replan_twins import HIGH, HIT, LOW, MISS, integrate
+from core.replan_twins import HIGH, HIT, LOW, MISS, integrate, log_odds
 
 SIDE, RES, BEAMS, RANGE = 120, 0.05, 90, 2.5
 ANGLES: Array = -math.pi + 2.0 * math.pi / BEAMS * np.arange(BEAMS, dtype=np.float64)
@@ -99,19 +99,19 @@ def test_the_map_is_the_twins() -> None:
             pose += [0.03, 0.02, 0.11]
         # A beam that passes a cell's corner may take either side of it.
         assert (mapper.cells != slow).mean() < 2e-3
-        assert (mapper.cells == HIGH).sum() > 20
+        assert (mapper.cells == log_odds(HIGH)).sum() > 20
 
 
 def test_a_moving_obstacle_is_seen_at_once_and_forgotten_in_ten_scans() -> None:
     mapper = Mapper()
     for _ in range(30):
         mapper.scan(np.full(BEAMS, RANGE))
-    assert mapper.at(1.01, 0.01) == LOW
+    assert mapper.at(1.01, 0.01) == log_odds(LOW, once_free=True)
     mapper.scan(wall_ahead(1.0))
     assert mapper.at(1.01, 0.01) > 0
     for _ in range(10):
         mapper.scan(wall_ahead(1.0))
-    assert mapper.at(1.01, 0.01) == HIGH
+    assert mapper.at(1.01, 0.01) == log_odds(HIGH, once_free=True)
     scans = 0
     while mapper.at(1.01, 0.01) > 0:
         mapper.scan(np.full(BEAMS, RANGE))
@@ -168,7 +168,7 @@ def test_the_window_moves_with_the_robot_and_keeps_what_it_knows() -> None:
 def test_the_robot_stands_on_free_ground() -> None:
     mapper = Mapper(body_radius_m=0.3)
     mapper.scan(np.full(BEAMS, 0.1))
-    assert mapper.at(0.1, 0.0) == LOW
+    assert mapper.at(0.1, 0.0) == log_odds(LOW, once_free=True)
 
 
 def test_sight() -> None:

@@ -10,11 +10,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from adrl import _core
-from core.replan_twins import MOVES, UNIT, Cell, Costs, Grid, dijkstra
+from core.replan_twins import GUEST, MOVES, UNIT, WALL, Cell, Costs, Grid, dijkstra
 
 SIDE = 18
 FORMS = pytest.mark.parametrize("headings", [False, True])
 cells = st.tuples(st.integers(0, SIDE - 1), st.integers(0, SIDE - 1))
+inner = st.tuples(st.integers(1, SIDE - 2), st.integers(1, SIDE - 2))
 windows = st.tuples(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.02, 0.06, 0.15]))
 costs_drawn = st.builds(
     Costs,
@@ -32,7 +33,7 @@ def solid_cells(window: tuple[int, float], side: int = SIDE) -> NDArray[np.bool_
 
 
 def log_odds(solid: NDArray[np.bool_]) -> NDArray[np.int8]:
-    return np.where(solid, 1, 0).astype(np.int8)
+    return np.where(solid, WALL, 0).astype(np.int8)
 
 
 def native_costs(costs: Costs) -> _core.RouteCosts:
@@ -130,6 +131,46 @@ def test_a_robot_too_near_to_a_wall_may_leave(headings: bool) -> None:
         log_odds(solid), (20, 2), (20, 30), 3.1
     )
     assert reached
+
+
+@FORMS
+@settings(max_examples=40, deadline=None)
+@given(window=windows, came=st.floats(0.0, 1.0), start=inner, goal=inner)
+def test_only_walls_stop_who_has_no_way_out(
+    headings: bool, window: tuple[int, float], came: float, start: Cell, goal: Cell
+) -> None:
+    """Then the route is that among walls alone; where they shut the goal off too, it is that among all that is solid."""
+    walls = solid_cells(window)
+    walls[[0, -1]] = walls[:, [0, -1]] = True
+    rng = np.random.default_rng(window[0] + 1)
+    guests = (rng.random(walls.shape) < 0.3 * came) & ~walls
+    both = np.where(guests, rng.integers(1, WALL, walls.shape), log_odds(walls)).astype(np.int8)
+    plan = planner(Costs(headings=headings)).plan
+    here, among_walls, among_all = (
+        plan(cells, start, goal, 0.5) for cells in (both, log_odds(walls), log_odds(walls | guests))
+    )
+
+    def arrives(route: NDArray[np.int32]) -> bool:
+        return math.dist(route[-1], goal) * Costs().resolution_m <= 0.3
+
+    expected = among_walls if arrives(among_walls[0]) and not arrives(among_all[0]) else among_all
+    np.testing.assert_array_equal(here[0], expected[0])
+    assert here[1:] == expected[1:]
+
+
+@FORMS
+def test_who_stands_in_the_only_door_has_not_walled_it_up(headings: bool) -> None:
+    solid = np.zeros((60, 60), dtype=bool)
+    solid[[0, -1]] = solid[:, [0, -1]] = solid[:, 30] = True
+    door, plan = slice(24, 36), planner(Costs(headings=headings), 60).plan
+    for in_the_door, reached in ((GUEST, True), (WALL, False)):
+        cells = log_odds(solid)
+        cells[door, 30] = in_the_door
+        assert plan(cells, (10, 10), (10, 50), 0.0)[2] == reached
+    cells[door, 30], cells[0, 4:26] = GUEST, 0
+    route, _, reached = plan(cells, (10, 10), (10, 50), 0.0)
+    assert not reached
+    assert route[-1, 0] == 0, "the way out of the window is open"
 
 
 def test_the_same_planner_forgets_its_last_window() -> None:

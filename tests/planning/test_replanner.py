@@ -16,7 +16,7 @@ from adrl.planning.path_guide import LOOKAHEAD_M
 from adrl.planning.replanner import Motion, Replanner, Thresholds, adapt, on_course, stagnant
 from adrl.planning.replanner_config import Form, ReplannerConfig
 from adrl.types import RobotConfig
-from core.replan_twins import Costs, Grid
+from core.replan_twins import WALL, Costs, Grid
 
 Array = NDArray[Any]
 ROBOT = RobotConfig()
@@ -79,6 +79,11 @@ def drive(replanner: Replanner, poses: Array, ranges: Array) -> Array:
     """The waypoints (T, 2) of one robot carried along poses (T, 3) with one and the same scan."""
     ranges = np.asarray(ranges, dtype=np.float32)[None]
     return np.array([replanner.update(ranges, pose[None])[0] for pose in poses])
+
+
+def see(replanner: Replanner, scan: Array) -> None:
+    """Enter one scan of the one robot at (0, 0, 0) into its map, and plan nothing."""
+    replanner.native.observe(np.ones(1, np.uint8), np.zeros((1, 3)), np.asarray(scan, np.float32)[None])
 
 
 def one_robot(goal: tuple[float, float], maturity: float = 0.0, **changes: Any) -> Replanner:
@@ -182,8 +187,26 @@ def test_an_obstacle_beside_the_way_is_passed_without_a_plan() -> None:
 def test_a_robot_that_finds_no_way_asks_again_only_after_the_interval(foresight_m: float) -> None:
     """Shut in, stagnant or not: eq 18 needs its window of 2 s anew, foresight the interval of 1 s."""
     replanner = one_robot((5.0, 0.0), foresight_m=foresight_m)
-    drive(replanner, np.zeros((100, 3)), np.full(BEAMS, 0.22))
+    ring = np.full(BEAMS, 0.22)
+    see(replanner, ring)  # one scan more makes walls of it
+    drive(replanner, np.zeros((100, 3)), ring)
     assert replanner.replans[0] == (10 if foresight_m else 4)
+
+
+@pytest.mark.parametrize(("scans", "to_the_door"), [(30, True), (0, False)])
+def test_who_came_to_stand_in_the_only_door_has_not_walled_it_up(scans: int, to_the_door: bool) -> None:
+    """Where the door has been seen open, the robot heads for it, and not for the place nearest to the goal."""
+    room = np.full(BEAMS, 1.5)
+    door = np.abs(ROBOT.lidar.angles_rad - 1.2) < 0.4
+    goal = np.array([[3.0, -1.5]])
+    replanner = one_robot((3.0, -1.5), cells=200)
+    for _ in range(scans):
+        see(replanner, np.where(door, RANGE, room))
+    for _ in range(3):
+        see(replanner, room)
+    replanner.native.plan(np.ones(1, np.uint8), np.zeros((1, 3)), goal)
+    assert replanner.b["found"][0] == (1 if to_the_door else 2)
+    assert (replanner.b["waypoint"][0, 1] > 0.5) == to_the_door
 
 
 def test_the_literal_trigger_misses_an_oscillating_robot() -> None:
@@ -211,16 +234,18 @@ def test_a_mature_policy_is_left_alone_for_longer() -> None:
 
 @pytest.mark.parametrize("ring_m", [0.22, 0.3])
 def test_a_robot_that_can_reach_no_other_place_keeps_the_goal(ring_m: float) -> None:
-    replanner = one_robot((5.0, 0.0))
-    waypoints = drive(replanner, np.zeros((40, 3)), np.full(BEAMS, ring_m))
+    replanner, ring = one_robot((5.0, 0.0)), np.full(BEAMS, ring_m)
+    see(replanner, ring)
+    waypoints = drive(replanner, np.zeros((40, 3)), ring)
     assert replanner.replans[0] >= 1
     np.testing.assert_array_equal(waypoints, np.tile([5.0, 0.0], (40, 1)))
 
 
 def test_a_robot_shut_in_with_room_heads_for_the_place_nearest_to_the_goal() -> None:
     """0.35 m all round: the radius of 0.2 m and the margin leave a cell or two on the goal's side."""
-    replanner = one_robot((5.0, 0.0))
-    waypoints = drive(replanner, np.zeros((40, 3)), np.full(BEAMS, 0.35))
+    replanner, ring = one_robot((5.0, 0.0)), np.full(BEAMS, 0.35)
+    see(replanner, ring)
+    waypoints = drive(replanner, np.zeros((40, 3)), ring)
     assert replanner.replans[0] == 1
     assert 0.0 < waypoints[-1, 0] <= 0.15
     assert abs(waypoints[-1, 1]) < 0.05
@@ -282,7 +307,7 @@ def test_the_waypoint_is_the_twins(form: Form, seed: int) -> None:
     solid = np.random.default_rng(seed).random((80, 80)) < 0.004
     solid[34:46, 34:46] = False  # room about the robot
     solid[55:60, 70:75] = False  # and the goal
-    replanner.b["log_odds"][0] = solid
+    replanner.b["log_odds"][0] = np.where(solid, WALL, 0)
     mask = np.ones(1, dtype=np.uint8)
     replanner.native.plan(mask, pose[None], goal[None])
     assert replanner.b["found"][0] == 1

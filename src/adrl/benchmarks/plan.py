@@ -26,6 +26,8 @@ from adrl.worlds.ros_map import Unknown
 QUERIES = 50
 SIDE = 400
 """Cells on a side of the windows that replanning is timed on."""
+WALL = 120
+"""What a cell of a wall holds in such a window: see Evidence of the core."""
 
 
 def bench_controllers(
@@ -177,14 +179,14 @@ def _clutter(rng: np.random.Generator) -> NDArray[np.int8]:
     window = np.zeros((SIDE, SIDE), dtype=np.int8)
     rows, columns = np.ogrid[:SIDE, :SIDE]
     for row, column, radius in rng.uniform((0, 0, 3), (SIDE, SIDE, 12), (60, 3)):
-        window[(rows - row) ** 2 + (columns - column) ** 2 < radius**2] = 1
+        window[(rows - row) ** 2 + (columns - column) ** 2 < radius**2] = WALL
     return window
 
 
 def _maze(rng: np.random.Generator, pitch: int = 16) -> NDArray[np.int8]:
     """(SIDE, SIDE) a window of cells `pitch` wide in which one way leads to each from any other."""
     window = np.zeros((SIDE, SIDE), dtype=np.int8)
-    window[::pitch] = window[:, ::pitch] = window[-1] = window[:, -1] = 1
+    window[::pitch] = window[:, ::pitch] = window[-1] = window[:, -1] = WALL
     count = SIDE // pitch
     seen = np.zeros((count, count), dtype=bool)
     seen[0, 0] = True
@@ -210,5 +212,5 @@ def _shut_in(window: NDArray[np.int8], row: int, column: int, half: int = 20) ->
     """Put walls about a cell."""
     top, bottom = max(row - half, 0), min(row + half, SIDE - 1)
     left, right = max(column - half, 0), min(column + half, SIDE - 1)
-    window[[top, bottom], left : right + 1] = 1
-    window[top : bottom + 1, [left, right]] = 1
+    window[[top, bottom], left : right + 1] = WALL
+    window[top : bottom + 1, [left, right]] = WALL
