@@ -219,7 +219,8 @@ nb::tuple plan_route(RoutePlanner &self, const LogOdds &log_odds, std::pair<int,
     Route route{nullptr, 0.0, false};
     {
         const nb::gil_scoped_release release;
-        route = self.plan(log_odds.data(), Evidence().wall(), {start.first, start.second}, {goal.first, goal.second}, heading);
+        route = self.plan(log_odds.data(), Evidence().wall(), {start.first, start.second}, {goal.first, goal.second},
+                          heading);
     }
     std::int32_t *out = nullptr;
     auto cells = new_array<std::int32_t>({route.cells->size(), 2}, out);

@@ -48,11 +48,11 @@ class RoutePlanner {
     // nothing where they sum to no more than those it was made for.
     void use(const RouteCosts &costs);
 
-    // log_odds (height x width) and wall: as in Evidence. The route to a goal outside of the window, or one that is shut
-    // off within it, ends in the border cell from which the octile rest of the way is least in all. Where the border is
-    // shut off too, walls alone count as solid. Where that does not help either, or a cell within 0.3 m of the goal can
-    // be reached, it ends in the reachable cell nearest to the goal. heading: of the robot, radians, counted with
-    // `headings` only. The start counts as free, and around it as much clearance is asked for as it has.
+    // log_odds (height x width) and wall: as in Evidence. The route to a goal outside of the window, or one that is
+    // shut off within it, ends in the border cell from which the octile rest of the way is least in all. Where the
+    // border is shut off too, walls alone count as solid. Where that does not help either, or a cell within 0.3 m of
+    // the goal can be reached, it ends in the reachable cell nearest to the goal. heading: of the robot, radians,
+    // counted with `headings` only. The start counts as free, and around it as much clearance is asked for as it has.
     Route plan(const std::int8_t *log_odds, std::int8_t wall, Cell start, Cell goal, double heading);
 
     // Of the last plan:

@@ -126,7 +126,8 @@ TEST_CASE("a route allocates nothing, whatever the window") {
             for (std::size_t i = 0; i < window.size(); ++i)
                 window[i] = static_cast<std::int8_t>(uniform01(mix64(random_key(k, i))) < density);
             const long before = allocations.load();
-            const Route route = planner.plan(window.data(), Evidence().wall(), {k, 5}, {kSide - 1 - 2 * k, kSide - 7}, 0.3 * k);
+            const Route route =
+                planner.plan(window.data(), Evidence().wall(), {k, 5}, {kSide - 1 - 2 * k, kSide - 7}, 0.3 * k);
             allocated += allocations.load() - before;
             longest = std::max(longest, route.cells->size());
         }

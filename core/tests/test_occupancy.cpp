@@ -74,7 +74,7 @@ TEST_CASE("hits make cells solid, the way to them free, and what is seen through
     };
     scan(0.95F, 1);
     CHECK(window.at(0, 10) == 2 * evidence.hit); // hit at x = 1.0 m, and half a cell into the obstacle
-    CHECK(window.at(0, 15) == 0);            // behind it: never seen
+    CHECK(window.at(0, 15) == 0);                // behind it: never seen
     scan(0.95F, 1);
     CHECK(window.at(0, 10) == evidence.wall());
     CHECK(window.at(0, 5) < 0);

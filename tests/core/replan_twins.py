@@ -14,6 +14,8 @@ UNIT, DIAGONAL_UNITS = 64, 90
 MOVES = [(0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1)]
 """(row, column), counter-clockwise from the x axis."""
 HIT, MISS, LOW, HIGH = 30, 6, -20, 60
+
+
 def log_odds(evidence: int, *, once_free: bool = False) -> int:
     """What a cell holds."""
     return 2 * evidence - once_free

@@ -139,7 +139,7 @@ def test_a_robot_too_near_to_a_wall_may_leave(headings: bool) -> None:
 def test_only_walls_stop_who_has_no_way_out(
     headings: bool, window: tuple[int, float], came: float, start: Cell, goal: Cell
 ) -> None:
-    """Then the route is that among walls alone; where they shut the goal off too, it is that among all that is solid."""
+    """The route is then that among walls alone; where they shut the goal off too, that among all that is solid."""
     walls = solid_cells(window)
     walls[[0, -1]] = walls[:, [0, -1]] = True
     rng = np.random.default_rng(window[0] + 1)
