@@ -352,8 +352,8 @@ def misfits(
     nothing within reach, NaN for a beam that tells nothing."""
 
 class Evidence:
-    """Of the robots' own maps, -63 to 63. A cell holds twice its evidence, less one from when it has been as surely free
-    as can be. Above 0 it is solid, at 0 it has never been seen."""
+    """Of the robots' own maps, -63 to 63. A cell holds twice its evidence, less one from when it was as surely free as
+    can be. Above 0 it is solid, at 0 it has never been seen."""
 
     hit: int
     miss: int
