@@ -3,6 +3,7 @@
 
 #include <doctest/doctest.h>
 
+#include "planning/occupancy.hpp"
 #include "planning/route_planner.hpp"
 
 namespace adrl {
