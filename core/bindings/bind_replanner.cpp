@@ -71,7 +71,7 @@ void check(const ReplannerSetup &s) {
     check(s.costs, s.shape.resolution);
     const Evidence &e = s.evidence;
     if (e.low > 0 || e.low < -63 || e.high < 1 || e.high > 63 || e.hit <= -e.low || e.hit > 126 || e.miss < 0)
-        throw nb::value_error("evidence: give -63 <= low <= 0 < high <= 63, hit > -low and miss >= 0");
+        throw nb::value_error("evidence: give -63 <= low <= 0 < high <= 63, -low < hit <= 126 and miss >= 0");
 }
 
 // Side by side are windows of one shape, and planners whose routes cost alike but for the clearances.

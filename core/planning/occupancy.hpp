@@ -9,8 +9,8 @@
 
 namespace adrl {
 
-// A cell holds twice its evidence, less one from when it has been as surely free as can be. Above 0 it is solid, at 0
-// it has never been seen. One hit makes the most surely free cell solid (low + hit > 0); high / miss scans that see
+// A cell holds twice its evidence, less one ever since it was once as surely free as can be. Above 0 it is solid, at 0
+// nothing is known of it. One hit makes the most surely free cell solid (low + hit > 0); high / miss scans that see
 // through a cell forget what stood there.
 struct Evidence {
     int hit = 30;
@@ -18,8 +18,8 @@ struct Evidence {
     int low = -20;
     int high = 60;
 
-    // What a cell of a wall holds, and no other: what is surely solid, and has never been surely free. All else may
-    // have come, and may go, as people do.
+    // What a cell of a wall holds, and no other: what is surely solid, and has never been surely free. All else that is
+    // solid may have come, and may go, as people do. Where hit is less than high, one scan makes no wall yet.
     std::int8_t wall() const { return static_cast<std::int8_t>(2 * high); }
     // What a cell holds that is surely free.
     std::int8_t free() const { return static_cast<std::int8_t>(2 * low - 1); }

@@ -101,7 +101,7 @@ void Replanner::plan_one(int i, Scratch &scratch, const Pose &pose, Vec2 goal, c
     b_.waypoint[2 * i] = chosen.point.x;
     b_.waypoint[2 * i + 1] = chosen.point.y;
     b_.route[i] = chosen.route;
-    b_.found[i] = route.reached ? 1 : 2;
+    b_.found[i] = route.through ? 3 : route.reached ? 1 : 2;
     if (routes == nullptr) return;
     double *out = routes->points + static_cast<std::ptrdiff_t>(i) * 2 * kRouteCorners;
     int count = 0;

@@ -39,7 +39,7 @@ struct ReplannerBuffers {
     std::uint8_t *parity;     // (N) which half of the beams the next scan traces
     double *waypoint;         // (N, 2) where to head for, metres
     double *route;            // (N) metres of route from the robot to its end
-    std::uint8_t *found;      // (N) 0 no route, 1 to the goal, 2 to the reachable cell nearest to it
+    std::uint8_t *found;      // (N) 0 no route, 1 to the goal, 2 towards it, 3 through what may go: see Route
 };
 
 inline constexpr double kRouteWindow = 3.0; // a robot is looked for so far ahead of where it was on its route, metres

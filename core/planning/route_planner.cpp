@@ -243,9 +243,9 @@ bool RoutePlanner::aim(Cell start, Cell goal) {
 double RoutePlanner::obstacle_density(int row, int column) const { return density_of_[level_[index(row, column)]]; }
 
 Route RoutePlanner::plan(const std::int8_t *log_odds, std::int8_t wall, Cell start, Cell goal, double heading) {
-    if (!survey(log_odds, kSolid, start, goal) && !survey(log_odds, wall, start, goal)) {
-        survey(log_odds, kSolid, start, goal);
-    }
+    const bool shut_off = !survey(log_odds, kSolid, start, goal);
+    const bool through = shut_off && survey(log_odds, wall, start, goal);
+    if (shut_off && !through) survey(log_odds, kSolid, start, goal); // walls do it: as it was
     cells_.clear();
     to_go_.clear();
     const std::size_t from = index(start.row, start.column);
@@ -264,7 +264,7 @@ Route RoutePlanner::plan(const std::int8_t *log_odds, std::int8_t wall, Cell sta
         trace(from);
     }
     const Cell last = cells_.back();
-    return {&cells_, cost * resolution_ / kUnit, last.row == goal.row && last.column == goal.column};
+    return {&cells_, cost * resolution_ / kUnit, last.row == goal.row && last.column == goal.column, through};
 }
 
 } // namespace adrl

@@ -29,6 +29,7 @@ struct Route {
     const std::vector<Cell> *cells; // start and end included; empty when no cell but the start can be reached
     double cost;                    // metres of eq 22
     bool reached; // it ends in the goal's cell; otherwise at the border, or in the reachable cell nearest to the goal
+    bool through; // all else is shut off: what is solid but no wall counted as free
 };
 
 // Plans on windows of one size. Owns its scratch; a plan allocates nothing.
@@ -63,7 +64,8 @@ class RoutePlanner {
         return row >= 0 && column >= 0 && row < height_ && column < width_ && level_[index(row, column)] != 0;
     }
     double obstacle_density(int row, int column) const;
-    // out (H, W): metres from cells' centres to the nearest solid one's; those beyond inflation and comfort are far
+    // out (H, W): metres from cells' centres to the nearest one's that counted as solid; those beyond inflation and
+    // comfort are far
     void clearances(float *out) const;
     int height() const { return height_; }
     int width() const { return width_; }
@@ -80,12 +82,12 @@ class RoutePlanner {
         return c.row == 0 || c.column == 0 || c.row == height_ - 1 || c.column == width_ - 1;
     }
     void level();
-    // What is free in the window, and where to: whether that leads to the goal, or out of the window. solid: the least
-    // that a cell holds which is not passed.
+    // Finds what is free, and where a route is to end. solid: the least that a cell holds which is not passed. Returns
+    // whether the border, or a cell within 0.3 m of the goal, can be reached.
     bool survey(const std::int8_t *log_odds, std::int8_t solid, Cell start, Cell goal);
     void measure(const std::int8_t *log_odds, std::int8_t solid);
     void free_around(Cell start);
-    bool aim(Cell start, Cell goal);
+    bool aim(Cell start, Cell goal); // returns what survey does
     int root(int run);
     void prepare(int row);
     void prepare_beside(std::size_t cell);

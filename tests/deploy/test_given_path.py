@@ -9,7 +9,12 @@ import pytest
 
 from adrl.deploy import Navigator
 from adrl.deploy.driver import Report
+from adrl.deploy.given_path import BLIND_PART, GivenPathGuide
+from adrl.deploy.guidance import View
 from adrl.errors import BadGoal, ConfigError
+from adrl.planning.path_guide import LOOKAHEAD_M
+from adrl.planning.replanner import Replanner
+from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array
 from adrl.worlds import ROBOTS, get_scenario, task_set
 from deploy.path_drives import ROBOT, PathDrive
@@ -187,3 +192,22 @@ def test_a_speed_limit_holds_on_the_way() -> None:
     assert drive.follow(BEND, steps=1500).outcome == "reached"
     assert max(abs(report.command.twist[0]) for report in drive.reports) <= 0.2 + 1e-9
     assert drive.off_m(BEND) < 0.6
+
+
+def test_a_door_that_has_closed_on_the_path_is_waited_at() -> None:
+    """Who has come to stand in it may go; that is no way round."""
+    angles = ROBOT.lidar.angles_rad
+    closed = np.full(len(angles), 1.5, np.float32)
+    open_ = np.where(np.abs(angles) < 0.5, ROBOT.lidar.max_range_m, closed).astype(np.float32)
+    guide = GivenPathGuide(Replanner(1, ROBOT, ReplannerConfig()))
+    guide.set_goal(np.array([(0.0, 0.0), (4.0, 0.0)]))
+    here = np.zeros((1, 3))
+    scans = [open_] * 30 + [closed] * 30
+    headings = [
+        guide.head_for(
+            View(ranges=scan[None], reckoned=here, place=(0.0, 0.0, 0.0), now_s=0.1 * k), (4.0, 0.0)
+        )
+        for k, scan in enumerate(scans)
+    ]
+    assert np.linalg.norm(headings[20].waypoint) > 1.0
+    assert np.linalg.norm(headings[-1].waypoint) == pytest.approx(BLIND_PART * LOOKAHEAD_M)

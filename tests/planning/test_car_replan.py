@@ -11,6 +11,7 @@ from adrl import _core
 from adrl.planning.replanner import Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array
+from core.replan_twins import LOW, WALL, log_odds
 from planning.test_car_path import CAR, gears, headings
 
 CELLS, RESOLUTION_M = 200, 0.05
@@ -20,7 +21,7 @@ MIDDLE = 0.5 * CELLS * RESOLUTION_M
 def route(solid: Array, pose: tuple[float, float, float], goal: tuple[float, float]) -> tuple[Array, Array]:
     """(P, 2) corners of the route, and (2,) the waypoint, on a map whose window begins at (0, 0)."""
     replanner = Replanner(1, CAR, ReplannerConfig(cells=CELLS, resolution_m=RESOLUTION_M))
-    replanner.b["log_odds"][0] = np.where(solid, 40, -20)
+    replanner.b["log_odds"][0] = np.where(solid, WALL, log_odds(LOW, once_free=True))
     corners, count = np.zeros((1, _core.ROUTE_CORNERS, 2)), np.zeros(1, np.int32)
     mask = np.ones(1, np.uint8)
     replanner.native.plan_routes(mask, np.array([pose]), np.array([goal]), corners, count)

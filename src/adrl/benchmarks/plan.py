@@ -17,7 +17,7 @@ from adrl.observation import in_robot_frame
 from adrl.planning.global_planner import plan
 from adrl.planning.grid import clearance_limit_m, free_space, planning_grid
 from adrl.planning.local_control import CONTROLLERS, DWA, LocalControl
-from adrl.planning.replanner import Replanner
+from adrl.planning.replanner import EVIDENCE_HIGH, Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array, OccupancyGrid, RobotConfig, Task
 from adrl.worlds import MapScenario, get_scenario, task_set
@@ -26,7 +26,7 @@ from adrl.worlds.ros_map import Unknown
 QUERIES = 50
 SIDE = 400
 """Cells on a side of the windows that replanning is timed on."""
-WALL = 120
+WALL = 2 * EVIDENCE_HIGH
 """What a cell of a wall holds in such a window: see Evidence of the core."""
 
 

@@ -9,7 +9,7 @@ from adrl.deploy.guidance import ONE, Guide, Heading, Point, View, ahead_of_one
 from adrl.errors import ConfigError
 from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.planning.path_guide import LOOKAHEAD_M
-from adrl.planning.replanner import Replanner
+from adrl.planning.replanner import THROUGH_WHAT_MAY_GO, Replanner
 from adrl.types import Array
 
 PARTS = (1.0, 0.75, 0.55, 0.4, 0.3, 0.2)
@@ -108,7 +108,8 @@ class GivenPathGuide(Guide):
         on_own_route = bool(self.replanner.following[0])
         told = ahead_of_one(self.replanner) if on_own_route else self._at(self._along_m + PATH_POINTS_M)
         most_m = DETOUR * blocked_m + DETOUR_M
-        if blocked and not (on_own_route and self.replanner.b["route"][0] <= most_m):
+        goes_round = on_own_route and self.replanner.b["found"][0] != THROUGH_WHAT_MAY_GO
+        if blocked and not (goes_round and self.replanner.b["route"][0] <= most_m):
             # No way round is known: up to it, and wait.
             waypoint = self._at(np.array([self._along_m + BLIND_PART * LOOKAHEAD_M]))[0]
             told = np.tile(waypoint, (len(PATH_POINTS_M), 1))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from adrl.planning.local_control import LocalControl
-from adrl.planning.replanner import Replanner, route_buffers
+from adrl.planning.replanner import NO_ROUTE, Replanner, route_buffers
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array, RobotConfig
 
@@ -72,7 +72,7 @@ class OwnMapDriver:
         if due.any():
             native.plan_routes(due.astype(np.uint8), odometry, self._goals, corners, counts)
             # Where there is no way, the last route stays.
-            planned = due & (self._maps.b["found"] > 0)
+            planned = due & (self._maps.b["found"] != NO_ROUTE)
             along[planned] = 0.0
             self._since_plan[due] = 1
         out = np.zeros((len(mask), 2))

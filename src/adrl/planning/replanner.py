@@ -26,6 +26,8 @@ Rows = slice | NDArray[np.intp]
 
 LEAST_STEPS = 2
 """Control periods between two plans: in tight places waypoints are near, and every step would ask for one."""
+NO_ROUTE, THROUGH_WHAT_MAY_GO = 0, 3
+"""Of the core's `found`: there is no route, and there is one if what is solid, but no wall, goes."""
 EVIDENCE_HIT, EVIDENCE_LOW, EVIDENCE_HIGH = 30, -20, 60
 """Log-odds of the map: one hit makes the surest free cell (low) solid; high is the surest solid one."""
 
@@ -313,7 +315,7 @@ class Replanner:
             b["along"][chosen] = 0.0
         else:
             self.native.plan(chosen.astype(np.uint8), odometry, b["goal"])
-        back = chosen & (b["found"] == 0)
+        back = chosen & (b["found"] == NO_ROUTE)
         back |= self._sees(chosen, odometry, b["goal"], np.inf, known=True)
         ahead = np.hypot(*(b["waypoint"] - odometry[:, :2]).T)
         left = np.hypot(*(b["goal"] - b["waypoint"]).T)

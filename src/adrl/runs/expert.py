@@ -92,7 +92,7 @@ def _other_robot(
             yield f"was trained for another robot, with {', '.join(different[:3])}; train both with the same --robot"
     elif family is not None and (outside := outside_family("of it", family, robot)) is not None:
         yield f"does not know the robot: {outside}; train both with the same --robot"
-    if not isinstance(robot, RobotFamily) and taken_as is not None:
+    if isinstance(robot, RobotConfig) and taken_as is not None:  # of one robot there always is
         different = robot_differences(taken_as, teacher.setup.taken_as(robot))
         if different:
             yield (

@@ -148,7 +148,8 @@ def _train(
     shown = imitates or (probed and _no_more_is_shown(run))
     demonstrates = shown and run.config.dataset is None
     drives = demonstrates or (probed and run.start is None)
-    planner = planner_of(run.expert, env) if drives else None
+    all_taught = isinstance(run.expert, Taught) and run.tasks <= run.expert.tasks
+    planner = planner_of(run.expert, env) if drives and not all_taught else None
     if planner is not None:
         env.expert = planner.controller
     demonstrations, clone, spent_s = _demonstrations(run, env, tell) if shown else (None, None, 0.0)
@@ -160,8 +161,7 @@ def _train(
     if probed:
         tell("probe")
         probe = _probe(run, env.expert, demonstrations)
-    all_taught = isinstance(run.expert, Taught) and run.tasks <= run.expert.tasks
-    demonstrator = planner if demonstrates and not all_taught else None
+    demonstrator = planner if demonstrates else None
     about = run.about_policy(
         planner=demonstrator,
         demonstration_seconds=demonstrated_s - began_s,
