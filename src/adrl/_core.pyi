@@ -352,8 +352,8 @@ def misfits(
     nothing within reach, NaN for a beam that tells nothing."""
 
 class Evidence:
-    """Of the robots' own maps, -63 to 63, a hit to 126. A cell holds twice its evidence, less one ever since it was once
-    as surely free as can be. Above 0 it is solid, at 0 nothing is known of it."""
+    """Of the robots' own maps, -63 to 63, a hit to 126. A cell holds twice its evidence, less one ever since it was
+    once as surely free as can be. Above 0 it is solid, at 0 nothing is known of it."""
 
     hit: int
     miss: int
@@ -409,7 +409,8 @@ class Replanner:
     buffers: arrays owned by the caller, row i for robot i: kind (N) i64 which of the setups is its, log_odds
     (N, height, width) i8, origin (N, 2) i64 lattice row and column of the window's cell (0, 0), parity (N) u8,
     waypoint (N, 2), route (N) metres of route, found (N) u8: 0 no route, 1 to the goal, 2 to the nearest cell or the
-    border, 3 through what is solid but no wall, as all else is shut off. All that changes is in them. mask (N) u8 picks the robots of a call; pose (N, 3) and points (N, 2) are in
+    border, 3 through what is solid but no wall, as all else is shut off. All that changes is in them.
+    mask (N) u8 picks the robots of a call; pose (N, 3) and points (N, 2) are in
     one frame, the odometry's."""
     def __init__(
         self,
