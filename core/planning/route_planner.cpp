@@ -33,6 +33,13 @@ std::uint32_t queue_span(const RouteCosts &costs, double resolution) {
     return std::bit_ceil(static_cast<std::uint32_t>(move + (costs.headings ? turn : 0.0)) + 16U);
 }
 
+// Whether a cell is solid, but no wall.
+ADRL_CLONES bool any_may_go(const std::int8_t *log_odds, std::int8_t wall, std::size_t count) {
+    int any = 0;
+    for (std::size_t i = 0; i < count; ++i) any |= (log_odds[i] >= kSolid) & (log_odds[i] < wall);
+    return any != 0;
+}
+
 // Distance along the column to the nearest cell that holds `solid` or more, at most limit; rows side by side.
 ADRL_CLONES void scan_columns(const std::int8_t *log_odds, std::int8_t solid, int height, int width, int limit,
                               std::uint8_t *column) {
@@ -243,9 +250,11 @@ bool RoutePlanner::aim(Cell start, Cell goal) {
 double RoutePlanner::obstacle_density(int row, int column) const { return density_of_[level_[index(row, column)]]; }
 
 Route RoutePlanner::plan(const std::int8_t *log_odds, std::int8_t wall, Cell start, Cell goal, double heading) {
-    const bool shut_off = !survey(log_odds, kSolid, start, goal);
-    const bool through = shut_off && survey(log_odds, wall, start, goal);
-    if (shut_off && !through) survey(log_odds, kSolid, start, goal); // walls do it: as it was
+    bool through = false;
+    if (!survey(log_odds, kSolid, start, goal) && any_may_go(log_odds, wall, clearance2_.size())) {
+        through = survey(log_odds, wall, start, goal);
+        if (!through) survey(log_odds, kSolid, start, goal); // walls do it: as it was
+    }
     cells_.clear();
     to_go_.clear();
     const std::size_t from = index(start.row, start.column);

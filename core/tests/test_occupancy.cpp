@@ -88,6 +88,28 @@ TEST_CASE("hits make cells solid, the way to them free, and what is seen through
     CHECK(window.at(0, 20) == evidence.wall());
 }
 
+TEST_CASE("a cell holds the greatest evidence that is allowed, and no more") {
+    const Beams beams(1, 0.0, 0.0);
+    const Evidence evidence{126, 126, -63, 63};
+    const Scanner scanner(evidence, beams, {0.0, 0.0, 0.0}, 6.0, 6.0, 0.0);
+    ScanIntegrator integrator(kShape, beams.count());
+    Window window({0.0, 0.0});
+    const auto scan = [&](float range) {
+        integrator.integrate(scanner, window.cells.data(), window.origin, {0.05, 0.05, 0.0}, &range, 0);
+    };
+    const auto cell = [&] { return window.at(0, 10); };
+    for (int k = 0; k < 3; ++k) {
+        scan(0.95F);
+        CHECK(cell() == 126);
+    }
+    for (int k = 0; k < 3; ++k) scan(1.95F);
+    CHECK(cell() == -127);
+    for (int k = 0; k < 3; ++k) {
+        scan(0.95F);
+        CHECK(cell() == 125); // once free
+    }
+}
+
 TEST_CASE("a corridor with a solid cell in it is not free, and one that was never seen is not known") {
     Window window({0.0, 0.0});
     const auto free = [&](double y, bool known) {

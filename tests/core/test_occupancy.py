@@ -29,9 +29,13 @@ def make_buffers(n: int = 1) -> dict[str, NDArray[Any]]:
     }
 
 
-def make_native(buffers: dict[str, NDArray[Any]], body_radius_m: float = 0.01) -> _core.Replanner:
+def make_native(
+    buffers: dict[str, NDArray[Any]], body_radius_m: float = 0.01, **counts: int
+) -> _core.Replanner:
+    """counts: of the evidence, in the place of the usual ones."""
     evidence = _core.Evidence()
-    evidence.hit, evidence.miss, evidence.low, evidence.high = HIT, MISS, LOW, HIGH
+    for name, value in ({"hit": HIT, "miss": MISS, "low": LOW, "high": HIGH} | counts).items():
+        setattr(evidence, name, value)
     setup = _core.ReplannerSetup(
         height=SIDE,
         width=SIDE,
@@ -191,3 +195,13 @@ def test_bad_input_is_refused() -> None:
         mapper.scan(np.ones(BEAMS + 1))
     with pytest.raises(ValueError, match="log_odds"):
         make_native(make_buffers() | {"log_odds": np.zeros((1, SIDE, SIDE + 1), dtype=np.int8)})
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("low", -64), ("low", 1), ("high", 64), ("high", 0), ("hit", 127), ("hit", 20), ("miss", -1)]
+)
+def test_evidence_that_a_cell_cannot_hold_is_refused(name: str, value: int) -> None:
+    """A cell is eight bits, twice the evidence; a hit of no more than -low would leave a free cell free."""
+    make_native(make_buffers(), low=-63, high=63, hit=126)
+    with pytest.raises(ValueError, match="evidence: give"):
+        make_native(make_buffers(), **{name: value})

@@ -55,7 +55,7 @@ def test_goals_of_move_base_are_driven_to_by_tf_replaced_cancelled_and_refused(r
     probe.wait(is_at_speed, at)
     probe.order(goal=(x, y), frame="odom")
     end = ended(client, first)
-    assert (end["status"], "another goal" in end["message"]) == (ABORTED, True)
+    assert (end["status"], "another goal" in end["message"]) == (PREEMPTED, True)
 
     first, at = client.order(navigate=home, frame="odom"), probe.count()
     probe.wait(is_at_speed, at)

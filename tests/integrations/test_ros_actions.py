@@ -145,7 +145,7 @@ def test_a_goal_after_one_that_was_cancelled_in_the_same_instant_does_not_go_on_
     client.cancel()
     client.send(FAR_M)
     assert client.task.goes_on == [False, True, False]
-    assert [goal.ends for goal in client.sent] == [[("aborted", 0)], [("canceled", 0)], []]
+    assert [goal.ends for goal in client.sent] == [[("replaced", 0)], [("canceled", 0)], []]
 
 
 def test_a_goal_that_is_given_up_is_failed_with_its_reason_and_the_next_is_driven_to(node: Node) -> None:

@@ -8,24 +8,34 @@ import pytest
 
 import adrl
 from adrl import _core
-from adrl.planning.replanner import Replanner
+from adrl.planning.replanner import THROUGH_WHAT_MAY_GO, Replanner
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.types import Array
-from core.replan_twins import LOW, WALL, log_odds
+from core.replan_twins import GUEST, LOW, WALL, log_odds
 from planning.test_car_path import CAR, gears, headings
 
 CELLS, RESOLUTION_M = 200, 0.05
 MIDDLE = 0.5 * CELLS * RESOLUTION_M
 
 
-def route(solid: Array, pose: tuple[float, float, float], goal: tuple[float, float]) -> tuple[Array, Array]:
-    """(P, 2) corners of the route, and (2,) the waypoint, on a map whose window begins at (0, 0)."""
+def route(
+    solid: Array,
+    pose: tuple[float, float, float],
+    goal: tuple[float, float],
+    guests: Array | bool = False,
+    found: int = 1,
+) -> tuple[Array, Array]:
+    """(P, 2) corners of the route, and (2,) the waypoint, on a map whose window begins at (0, 0).
+
+    guests: which of the solid cells may go. found: what the replanner should say of the route.
+    """
     replanner = Replanner(1, CAR, ReplannerConfig(cells=CELLS, resolution_m=RESOLUTION_M))
-    replanner.b["log_odds"][0] = np.where(solid, WALL, log_odds(LOW, once_free=True))
+    cells = np.where(guests, GUEST, WALL)
+    replanner.b["log_odds"][0] = np.where(solid, cells, log_odds(LOW, once_free=True))
     corners, count = np.zeros((1, _core.ROUTE_CORNERS, 2)), np.zeros(1, np.int32)
     mask = np.ones(1, np.uint8)
     replanner.native.plan_routes(mask, np.array([pose]), np.array([goal]), corners, count)
-    assert replanner.b["found"][0] == 1
+    assert replanner.b["found"][0] == found
     return corners[0, : count[0]], replanner.b["waypoint"][0]
 
 
@@ -56,6 +66,20 @@ def test_a_route_is_one_that_the_car_can_steer(yaw: float):
     end = turned[0] if len(turned) else len(corners) - 1
     along = np.concatenate([[0.0], np.cumsum(lengths)])[end]
     assert math.dist(waypoint, start[:2]) <= min(along, 1.5) + 1e-6
+
+
+@pytest.mark.parametrize("may_go", [True, False])
+def test_a_car_that_is_shut_off_drives_to_the_goal_through_what_may_go_alone(may_go: bool) -> None:
+    """A closed room with a wall across and a door in it, where somebody stands, or a wall."""
+    solid = wall_beside()
+    solid[:40] = solid[40:41]
+    solid[[2, -3]] = solid[:, [2, -3]] = True
+    door = np.zeros_like(solid)
+    door[130:150] = solid[40:41]
+    goal = (MIDDLE + 3.0, MIDDLE)
+    found = THROUGH_WHAT_MAY_GO if may_go else 2
+    corners, _ = route(solid, (MIDDLE, MIDDLE, 0.0), goal, door & may_go, found)
+    assert (math.dist(corners[-1], goal) < 0.3) == may_go
 
 
 @pytest.mark.slow

@@ -11,8 +11,8 @@ from adrl.integrations.ros.drive import DriveTopics
 
 LOG = logging.getLogger("adrl.driver")
 
-End = Literal["succeeded", "aborted", "canceled"]
-REPLACED = "another goal has taken its place"
+End = Literal["succeeded", "aborted", "canceled", "replaced"]
+"""replaced: by another goal. What clients are told then, each generation of ROS has settled in its own way."""
 
 
 class ActionFailed(Exception):
@@ -78,7 +78,7 @@ class Actions:
     def accept(self, handle: Handle, now_s: float) -> None:
         """A goal. It takes the place of the one before: the robot drives on, to the new one."""
         goes_on = self._has_driver and self._handle is not None and not self._handle.cancel_is_wanted
-        self.abort(REPLACED)
+        self._replace()
         self._handle = handle
         try:
             self._task.begin(handle.goal, now_s, goes_on=goes_on)
@@ -107,7 +107,7 @@ class Actions:
         if self._handle.cancel_is_wanted:
             self._end("canceled", 0, "cancelled")
         elif not self._has_driver:
-            self.abort(REPLACED)
+            self._replace()
         elif report.outcome == "reached":
             self._end("succeeded", 0, "")
         elif report.outcome == "cancelled":
@@ -124,6 +124,10 @@ class Actions:
     def _has_driver(self) -> bool:
         """Whether the driver's newest goal is this action's: else one by a topic has come since."""
         return self._topics.driver.taken == self._number
+
+    def _replace(self) -> None:
+        if self._handle is not None:
+            self._end("replaced", 0, "another goal has taken its place")
 
     def _end(self, how: End, code: int, message: str) -> None:
         handle, self._handle = self._handle, None

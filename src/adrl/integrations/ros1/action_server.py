@@ -31,8 +31,8 @@ class GoalHandle:
         self._theirs.publish_feedback(feedback)
 
     def end(self, how: End, result: Any, message: str) -> None:
-        """See Handle."""
-        if self.cancel_is_wanted:
+        """See Handle. A goal that another one replaces is PREEMPTED, as move_base's is."""
+        if self.cancel_is_wanted or how == "replaced":
             self._theirs.set_canceled(result, message)
         elif how == "succeeded":
             self._theirs.set_succeeded(result, message)

@@ -36,7 +36,7 @@ class GoalHandle:
         self._theirs.publish_feedback(feedback)
 
     def end(self, how: End, result: Any, message: str) -> None:
-        """See Handle. One that is being cancelled cannot be aborted any more."""
+        """See Handle. Nav2 aborts what is replaced; a goal that is being cancelled cannot be aborted any more."""
         if self._theirs.is_cancel_requested:
             self._theirs.canceled()
         elif how == "succeeded":
