@@ -198,7 +198,8 @@ def test_bad_input_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("low", -64), ("low", 1), ("high", 64), ("high", 0), ("hit", 127), ("hit", 20), ("miss", -1)]
+    ("name", "value"),
+    [("low", -64), ("low", 1), ("high", 64), ("high", 0), ("hit", 127), ("hit", 20), ("miss", -1)],
 )
 def test_evidence_that_a_cell_cannot_hold_is_refused(name: str, value: int) -> None:
     """A cell is eight bits, twice the evidence; a hit of no more than -low would leave a free cell free."""

@@ -350,6 +350,13 @@ def test_a_clock_that_goes_back_is_followed_at_once() -> None:
     assert driver.tick(1.16) is not None
 
 
+def test_frames_are_the_same_with_and_without_the_slash_of_older_ros() -> None:
+    driver = Driver(Navigator(the_policy(), guidance="goal"), odom_frame="/odom", map_frame="/map")
+    driver.take_odometry(Odometry(pose=(0.0, 0.0, 0.0), twist=(0.0, 0.0), stamp_s=0.0), "/odom")
+    driver.set_goal((1.0, 0.0), "odom")
+    assert driver.navigator.goal == (1.0, 0.0)
+
+
 # --- settings and the simulated robot -----------------------------------------------------------------------
 
 
@@ -362,6 +369,26 @@ def test_parameters_are_the_options_by_other_means() -> None:
     for name, value in [*wrong, ("stamped", "yes"), ("goal_tolerance_m", "near")]:
         with pytest.raises(ConfigError, match=name):
             with_parameters(DriveConfig(), lambda n, default, k=name, v=value: v if n == k else default)
+
+
+def test_parameters_of_the_simulated_robot() -> None:
+    def given(config: SimConfig, **values: object) -> SimConfig:
+        return with_parameters(config, lambda name, default: values.get(name, default))
+
+    assert given(SimConfig(), people_share=0.3).people_share == 0.3
+    assert given(SimConfig(), people_share="0.3").people_share == 0.3
+    world = SimConfig(world=Path("w.sdf"), models=(Path("/opt"),), ignore=("tree_*",))
+    assert given(world) == world
+    assert given(world, models=["/a", "/b"]).models == (Path("/a"), Path("/b"))
+    wrong = {"people_share": "few", "models": "/opt", "ignore": "tree_*", "robot": "", "seed": -1}
+    for name, value in wrong.items():
+        with pytest.raises(ConfigError, match=name):
+            given(world, **{name: value})
+
+
+def test_points_that_tf_places_have_no_mount() -> None:
+    with pytest.raises(ConfigError, match="leave mount out"):
+        DriveConfig(heights=(0.1, 0.5), localisation="tf", mount=(0.2, 0.0, 0.0))
 
 
 def test_a_slow_watchdog_makes_the_braking_check_keep_farther_away() -> None:

@@ -202,9 +202,30 @@ def test_goals_are_checked_when_they_are_set():
         navigator.set_goal((np.nan, 0.0))
     with pytest.raises(ConfigError, match="follows no path"):
         navigator.set_goal((1.0, 0.0), np.zeros((2, 2)))
+    mapped = Navigator(a_policy(ROBOTS["diffbot"]), guidance="map", world=room())
+    for path in (np.empty((0, 2)), np.array([[0.0, np.nan]]), np.zeros((3, 3)), np.zeros(2)):
+        for one in (mapped, Navigator(a_policy(ROBOTS["diffbot"]), guidance="path")):
+            with pytest.raises(ConfigError, match="the path has shape"):
+                one.set_goal((1.0, 0.0), path)
+    short: Any = (0.0, 0.0)
+    for mount in (short, (np.nan, 0.0, 0.0)):
+        with pytest.raises(ConfigError, match="mount"):
+            Navigator(a_policy(ROBOTS["diffbot"]), guidance="goal", mount=mount)
     for tolerance_m in (0.0, -1.0, np.nan):
         with pytest.raises(ConfigError, match="goal_tolerance_m"):
             Navigator(a_policy(ROBOTS["diffbot"]), guidance="goal", goal_tolerance_m=tolerance_m)
+
+
+def test_a_goal_given_while_the_robot_turns_is_driven_to():
+    """A little farther, with the same heading: it has not been reached yet."""
+    navigator = Navigator(a_policy(ROBOTS["diffbot"]), guidance="goal", supervisor=None)
+    navigator.set_goal((1.0, 0.0), yaw_rad=1.5)
+    navigator.step(*still((0.75, 0.0, 0.0), 0.0), 0.0)
+    assert navigator.is_turning
+    navigator.set_goal((1.29, 0.0), yaw_rad=1.5)
+    command = navigator.step(*still((0.75, 0.0, 0.0), 0.1), 0.1)
+    assert not navigator.is_turning
+    assert command.distance_m == pytest.approx(0.54)
 
 
 def test_what_it_says_of_itself():

@@ -3,8 +3,8 @@
     python nav2_probe.py
 
 Lines of JSON in: {"change": 3}, {"follow": [[x, y], ...], "frame": "map", "yaw": 0.0, "controller_id": ""},
-{"navigate": [x, y, yaw], "frame": "map"}, {"cancel": true}, {"limit": 50.0, "percentage": true}. Lines of JSON out:
-what came of it, and what topics said.
+{"navigate": [x, y, yaw], "frame": "map"}, {"cancel": true}, {"limit": 50.0, "percentage": true}, {"clear": true}. Lines
+of JSON out: what came of it, and what topics said.
 """
 
 import json
@@ -17,6 +17,7 @@ from geometry_msgs.msg import PoseStamped, Twist  # pyright: ignore
 from lifecycle_msgs.srv import ChangeState  # pyright: ignore
 from nav2_msgs.action import FollowPath, NavigateToPose  # pyright: ignore
 from nav2_msgs.msg import SpeedLimit  # pyright: ignore
+from nav2_msgs.srv import ClearEntireCostmap  # pyright: ignore
 from nav_msgs.msg import Odometry  # pyright: ignore
 from probe_lines import lines_while
 from rclpy.action import ActionClient  # pyright: ignore
@@ -107,6 +108,7 @@ def main() -> None:
     clients: list[Client] = []
     limits = node.create_publisher(SpeedLimit, "speed_limit", 5)
     states = node.create_client(ChangeState, "controller_server/change_state")
+    clearing = node.create_client(ClearEntireCostmap, "local_costmap/clear_entirely_local_costmap")
     node.create_subscription(Twist, "cmd_vel", lambda m: say("cmd_vel", v=m.linear.x, w=m.angular.z), 50)
     latched = QoSProfile(depth=5, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     node.create_subscription(UInt32, "collisions", lambda m: say("collisions", count=m.data), latched)
@@ -134,6 +136,9 @@ def main() -> None:
             navigate.send(NavigateToPose.Goal(pose=pose(order["frame"], *order["navigate"])))
         elif "cancel" in order:
             clients[-1].cancel()
+        elif "clear" in order:
+            assert clearing.wait_for_service(PATIENCE_S), "no service to clear the local costmap"
+            clearing.call_async(ClearEntireCostmap.Request()).add_done_callback(lambda done: say("cleared"))
         else:
             limits.publish(SpeedLimit(percentage=order["percentage"], speed_limit=order["limit"]))
 

@@ -158,13 +158,14 @@ def test_cancelled_replaced_or_deactivated_on_the_way_it_stands_in_two_periods(r
 
 
 def test_a_path_in_the_place_of_another_is_driven_on_without_a_stop(ros2: Ros) -> None:
-    """Each second, as a behaviour tree plans anew; a limit of the speed holds from then on."""
+    """Each second, as a behaviour tree plans anew, and whatever it clears; a limit of the speed holds from then on."""
     probe = with_controller(ros2, speed="1")
     first = under_way(probe)
     for _ in range(4):
         at = probe.order(follow=PATH)
         end = ended(probe, at, 10.0)
         assert (end["status"], end["code"]) == (ABORTED, 0)
+        probe.wait(lambda e: e["topic"] == "cleared", probe.order(clear=True))
         time.sleep(0.7)
     assert min(event["v"] for event in probe.of("odom", first)) > 0.1
     at = probe.order(limit=50.0, percentage=True)

@@ -64,7 +64,13 @@ def test_points_are_read_whatever_the_layout(order: str, kind: str, rows: int) -
 
 def test_clouds_that_cannot_be_are_refused() -> None:
     whole = cloud(np.ones((4, 3)))
-    for changes in ({"fields": whole.fields[:2]}, {"data": whole.data[:-5]}, {"width": 9}):
+    for changes in (
+        {"fields": whole.fields[:2]},
+        {"data": whole.data[:-5]},
+        {"width": 9},
+        {"point_step": 0},
+        {"point_step": 5},
+    ):
         with pytest.raises(TransformError, match="cloud"):
             points_of(dataclasses.replace(whole, **changes))
 

@@ -78,7 +78,7 @@ def test_a_car_that_is_shut_off_drives_to_the_goal_through_what_may_go_alone(may
     door[130:150] = solid[40:41]
     goal = (MIDDLE + 3.0, MIDDLE)
     found = THROUGH_WHAT_MAY_GO if may_go else 2
-    corners, _ = route(solid, (MIDDLE, MIDDLE, 0.0), goal, door & may_go, found)
+    corners, _ = route(solid, (MIDDLE, MIDDLE, 0.0), goal, door if may_go else False, found)
     assert (math.dist(corners[-1], goal) < 0.3) == may_go
 
 

@@ -79,7 +79,7 @@ class Driver:
             raise ConfigError(f"localisation is {localisation!r}; give one of {', '.join(get_args(Source))}")
         self.navigator = navigator
         self.period_s = navigator.robot.control_period_s
-        self._odom_frame, self._map_frame = odom_frame, map_frame
+        self._odom_frame, self._map_frame = odom_frame.strip("/"), map_frame.strip("/")
         self._source = localisation
         self._localisation = Localisation()
         self.frames = frames or Frames()

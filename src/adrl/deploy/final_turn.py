@@ -20,7 +20,8 @@ class FinalTurn:
         self.yaw_rad = yaw_rad
         self._tolerance_rad = tolerance_rad
         self._fastest = GENTLE * robot.max_yaw_rate_radps
-        self._long_way = self._tried_both = False
+        self._side = 0.0
+        """1 to turn left whatever the way, -1 right; 0 for the shorter way."""
         self._least_rad, self._since_s = math.inf, -math.inf
 
     def twist(self, yaw_rad: float, now_s: float) -> Twist | None:
@@ -28,18 +29,18 @@ class FinalTurn:
         off = math.remainder(self.yaw_rad - yaw_rad, 2.0 * math.pi)
         if abs(off) <= self._tolerance_rad:
             return None
-        if self._long_way:
-            off -= math.copysign(2.0 * math.pi, off)
+        if self._side != 0.0:  # kept all the way: half way round the shorter way is the other one
+            off = self._side * ((self._side * off) % (2.0 * math.pi))
         if abs(off) < self._least_rad - PROGRESS_RAD:
             self._least_rad, self._since_s = abs(off), now_s
         elif now_s < self._since_s:  # the clock has gone back
             self._since_s = now_s
         elif now_s - self._since_s > PATIENCE_S:
-            if self._tried_both:
+            if self._side != 0.0:
                 raise NoRoomToTurn(
                     "at the goal, but there is no room to turn to its heading, either way round: "
                     "give another heading or place, or a larger yaw tolerance"
                 )
-            self._long_way, self._tried_both = not self._long_way, True
+            self._side = -math.copysign(1.0, off)
             self._least_rad, self._since_s = math.inf, now_s
         return 0.0, min(max(2.0 * off, -self._fastest), self._fastest)

@@ -110,6 +110,8 @@ class Navigator:
         self._read = ScanReader(zero_is_free=zero_is_free, nan_is_free=nan_is_free)
         self._recovery = Recovery(self.supervisor) if recovery and self.supervisor is not None else None
         self.goal: tuple[float, float] | None = None
+        if mount is not None and (np.shape(mount) != (3,) or not np.isfinite(mount).all()):
+            raise ConfigError(f"mount is {mount}; give x (m), y (m) and yaw (rad) of the LiDAR on the robot")
         self._adapter = LidarAdapter(self._as_trained.lidar, mount)
         self._encoder: Encoder = (
             found.encoder
@@ -173,6 +175,8 @@ class Navigator:
             raise ConfigError(f"goal {goal} is not finite; give metres")
         if yaw_rad is not None and not math.isfinite(yaw_rad):
             raise ConfigError(f"the heading {yaw_rad} is not finite; give radians, or leave it out")
+        if path is not None:
+            path = _checked_path(path)
         before, place = self.goal, (float(goal[0]), float(goal[1]))
         is_near = before is not None and math.dist(before, place) < WAY_M
         if not (is_near and path is None and not self.guide.follows_given_path):
@@ -181,6 +185,8 @@ class Navigator:
         self.goal = place
         if not is_near and self._recovery is not None:
             self._recovery.forget()
+        if place != before:
+            self._turning = False  # it may not be there yet
         wanted = self._turn and self._turn.yaw_rad
         if not is_near or yaw_rad != wanted:
             self._turning = False
@@ -399,6 +405,13 @@ class Navigator:
             self._history.begin(ONE, view.ranges, view.reckoned)
         else:
             self._history.add(view.ranges, view.reckoned)
+
+
+def _checked_path(path: Array) -> Array:
+    """(P, 2) of another planner. Raises ConfigError."""
+    if np.ndim(path) != 2 or np.shape(path)[1] != 2 or len(path) == 0 or not np.isfinite(path).all():
+        raise ConfigError(f"the path has shape {np.shape(path)}; give (P, 2) finite metres, P at least 1")
+    return np.asarray(path, dtype=np.float64)
 
 
 def _robot(policy: ResolvedPolicy, robot: RobotConfig | None) -> RobotConfig:

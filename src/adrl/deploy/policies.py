@@ -6,6 +6,7 @@ import os
 import sys
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -168,8 +169,16 @@ def act(
 
 def begin(policy: Any, rows: NDArray[np.intp]) -> None:
     """Tell a policy that keeps a memory of robots that episodes of `rows` (M,) begin."""
-    if hasattr(policy, "reset"):
+    if not hasattr(policy, "reset"):
+        return
+    try:
         policy.reset(rows)
+    except AdrlError:
+        raise
+    except Exception as error:
+        raise ConfigError(
+            f"policy {name_of(policy)}: its reset(rows) failed ({type(error).__name__}: {error}{_where(error)})"
+        ) from error
 
 
 def checked_actions(
@@ -225,6 +234,12 @@ def _described(policy: Any, text: str | None) -> ResolvedPolicy:
     }
     if hasattr(policy, "act_in"):
         own.setdefault("guidance", "map")
+    if not isinstance(own.get("maturity", 0.0), Real):
+        raise ConfigError(f"policy {name}: its maturity is {own['maturity']!r}; give a number from 0 to 1")
+    if not (robot is None or isinstance(robot, (RobotConfig, RobotFamily, str, os.PathLike))):
+        raise ConfigError(
+            f"policy {name}: its robot is {robot!r}; give a RobotConfig, or a robot's name or file"
+        )
     made_for = None if robot is None else load_robots(robot)
     own.setdefault("told_of_body", isinstance(encoder, EncoderConfig) and encoder.body)
     resolved = ResolvedPolicy(

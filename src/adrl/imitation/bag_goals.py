@@ -48,13 +48,13 @@ class Goals:
 def read_goals(
     bag: Bag, topic: str | None, pose_topic: str, transforms: Transforms, odometry: OdometryTable
 ) -> Goals | None:
-    """Each goal once; None for a bag without a topic of goals. Where /tf does not relate their frame to the odometry's,
+    """Each goal once; None for a bag without goals. Where /tf does not relate their frame to the odometry's,
     poses on the map (pose_topic) do.
 
     Raises DatasetError: see Bag.messages; a frame that nothing relates to the odometry's; numbers that are not finite.
     """
-    if topic is None:
-        topic = next((name for name in GOAL_TOPICS if name in bag.topics), None)
+    if topic is None:  # a topic that RViz alone has announced is empty
+        topic = next((name for name in GOAL_TOPICS if any(bag.messages(name, GOALS, optional=True))), None)
     if topic is None:
         return None
     rows: list[tuple[float, float, float]] = []

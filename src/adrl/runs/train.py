@@ -58,6 +58,11 @@ def train(
     resumed = checkpoint.exists(run.folder)
     if not config.resume:
         _require_no_run(run, resumed or rounds.exist(run.folder))
+    elif (run.folder / WEIGHTS_FILE).exists() and not (resumed or rounds.exist(run.folder)):
+        raise ConfigError(
+            f"{run.folder} holds a finished run whose checkpoint is gone: it cannot be trained for longer. "
+            "Give another --out, and --fine-tune with this folder to begin with its policy"
+        )
     elif rounds.exist(run.folder) and config.demonstration_rounds == 0:
         raise ConfigError(f"{run.folder} holds a run with demonstration_rounds; give as many again")
     alone = run.robot if isinstance(run.robot, RobotConfig) else None

@@ -68,6 +68,8 @@ class RuntimeConfig(ABC):
             raise ConfigError(f"heights are {self.heights}; give the lower one first")
         if self.heights is not None and self.source != "tf":
             raise ConfigError("heights need tf, which tells where the sensor is: give --localisation tf")
+        if self.heights is not None and self.mount is not None:
+            raise ConfigError("with heights, tf tells where the sensor is; leave mount out")
 
     @property
     @abstractmethod
@@ -237,6 +239,10 @@ class SimConfig(Place):
         find_simulator(self.simulator)
         if not 0.0 <= self.speed <= 1000.0:
             raise ConfigError(f"speed is {self.speed}; give 0 to 1000")
+        if not self.robot:
+            raise ConfigError("robot is empty; give a robot's name or a TOML file")
+        if self.seed < 0:
+            raise ConfigError(f"seed is {self.seed}; give 0 or more")
 
 
 def with_parameters(config: Config, get: Callable[[str, Parameter], Any]) -> Config:
@@ -250,8 +256,12 @@ def with_parameters(config: Config, get: Callable[[str, Parameter], Any]) -> Con
         after = get(field.name, before)
         if type(before) is float and type(after) is int:
             after = float(after)
+        if field.name == "people_share" and isinstance(after, float | int):
+            after = str(after)  # it has no default that is a number
         if type(after) is not type(before) and not isinstance(before, list):
             raise ConfigError(f"parameter {field.name} is {after!r}; give a {type(before).__name__}")
+        if isinstance(before, list) and isinstance(after, str) and field.name not in NUMBERS:
+            raise ConfigError(f"parameter {field.name} is {after!r}; give a list, as [{after}]")
         if after != before:
             changes[field.name] = _from_parameter(field.name, after)
     return replace(config, **changes)
@@ -261,7 +271,9 @@ def _as_parameter(value: Any, numbers: int) -> Parameter:
     """Parameters have no None: an empty string or list stands for it."""
     if value is None:
         return [] if numbers else ""
-    return list(value) if isinstance(value, tuple) else str(value) if isinstance(value, Path) else value
+    if isinstance(value, tuple):
+        return [str(one) if isinstance(one, Path) else one for one in value]
+    return str(value) if isinstance(value, Path) else value
 
 
 def _from_parameter(name: str, value: Any) -> Any:
@@ -275,6 +287,11 @@ def _from_parameter(name: str, value: Any) -> Any:
         return numbers or None
     if name in ("map", "world", "barn"):
         return Path(value) if value else None
+    if name == "people_share":
+        try:
+            return float(value) if value else None
+        except ValueError:
+            raise ConfigError(f"parameter people_share is {value!r}; give 0 to 1") from None
     if name in ("guidance", "scenario") or (name == "robot" and not value):
         return value or None
     return value

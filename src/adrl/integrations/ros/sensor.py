@@ -75,14 +75,19 @@ def points_of(message: Any) -> Array:
         kinds = [order + FLOATS[fields[name].datatype] for name in "xyz"]
     except KeyError:
         raise TransformError("the cloud has no x, y and z that are floats; give one that has") from None
-    layout = np.dtype(
-        {
-            "names": list("xyz"),
-            "formats": kinds,
-            "offsets": [fields[name].offset for name in "xyz"],
-            "itemsize": message.point_step,
-        }
-    )
+    try:
+        layout = np.dtype(
+            {
+                "names": list("xyz"),
+                "formats": kinds,
+                "offsets": [fields[name].offset for name in "xyz"],
+                "itemsize": message.point_step,
+            }
+        )
+    except ValueError:
+        raise TransformError(
+            f"the cloud's x, y and z do not fit into its point_step of {message.point_step}; mend its driver"
+        ) from None
     rows = np.frombuffer(bytes(message.data), np.uint8)
     if (
         message.width * message.point_step > message.row_step

@@ -15,6 +15,7 @@ from adrl.integrations.ros.actions import Actions
 from adrl.integrations.ros.config import ControllerConfig
 from adrl.integrations.ros.drive import LATCHED, DriveTopics, publications
 from adrl.integrations.ros.follow_path import ACTION, FollowPath, Plugins
+from adrl.integrations.ros.messages import message_class
 from adrl.integrations.ros2 import node as ros
 from adrl.integrations.ros2.action_server import serve
 from adrl.integrations.ros2.bond import Bond
@@ -24,6 +25,8 @@ LOG = logging.getLogger("adrl.driver")
 
 NAME = "controller_server"
 """Of the node, as Nav2's parameter files and lifecycle manager name it."""
+CLEAR, CLEAR_SERVICE = "nav2_msgs/srv/ClearEntireCostmap", "local_costmap/clear_entirely_local_costmap"
+"""Nav2's own controller server holds the local costmap; its behaviour trees do not load where nobody offers this."""
 
 
 def controller(config: ControllerConfig, ros_arguments: Sequence[str]) -> None:
@@ -124,6 +127,8 @@ class Controller(LifecycleNode):
         self._actions = Actions(topics, FollowPath(config, plugins, topics))
         server = serve(self, ACTION, "follow_path", self._actions, ros.clock_of(self), lambda: topics.active)
         self._made.append((lambda server: server.destroy(), server))
+        clear = self.create_service(message_class(CLEAR), CLEAR_SERVICE, self._clear)
+        self._made.append((self.destroy_service, clear))
         self._topics = topics
 
     def _clean_up(self) -> None:
@@ -133,6 +138,14 @@ class Controller(LifecycleNode):
             destroy(made)
         self._made.clear()
         self._topics = self._actions = None
+
+    def _clear(self, request: Any, response: Any) -> Any:
+        """A nav2_msgs/ClearEntireCostmap: what the robot has mapped itself is forgotten."""
+        assert self._topics is not None
+        self._topics.driver.navigator.guide.forget()
+        if hasattr(response, "success"):  # newer than Kilted
+            response.success = True
+        return response
 
     def _limit(self, message: Any) -> None:
         """A nav2_msgs/SpeedLimit: m/s, or percent of the greatest speed; 0 for no limit."""
