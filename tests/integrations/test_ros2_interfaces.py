@@ -16,7 +16,8 @@ out = {}
 for kind in sys.argv[1:]:
     package, folder, name = kind.split("/")
     made = getattr(importlib.import_module(f"{package}.{folder}"), name)
-    parts = [made.Goal, made.Result, made.Feedback] if folder == "action" else [made]
+    names = {"msg": [], "srv": ["Request", "Response"], "action": ["Goal", "Result", "Feedback"]}[folder]
+    parts = [getattr(made, name) for name in names] or [made]
     constants = {}
     for part in parts:
         constants |= next(value for key, value in vars(type(part)).items() if key.endswith("__constants"))
