@@ -42,6 +42,16 @@ def test_where_that_is_blocked_it_turns_all_the_way_round(wanted: float, side: f
     assert asked == {1.0, -1.0}
 
 
+def test_once_round_who_turns_too_far_turns_back() -> None:
+    turn = FinalTurn(DIFFBOT, 1.0, 0.1)
+    asked = [
+        turn.twist(yaw, now_s)
+        for now_s, yaw in [(0.0, 0.3), (4.0, 0.3), (5.0, -1.0), (8.0, -3.0), (12.0, 0.8)]
+    ]
+    signs = [math.copysign(1.0, twist[1]) for twist in asked if twist is not None]
+    assert signs == [1.0, 1.0, -1.0, -1.0, 1.0]
+
+
 def test_without_room_either_way_it_says_so() -> None:
     with pytest.raises(NoRoomToTurn):
         turned(1.5, (-math.pi, math.pi))

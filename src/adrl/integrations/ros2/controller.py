@@ -31,7 +31,7 @@ CLEAR, CLEAR_SERVICE = "nav2_msgs/srv/ClearEntireCostmap", "local_costmap/clear_
 
 def controller(config: ControllerConfig, ros_arguments: Sequence[str]) -> None:
     """Run the node until it is told to end. Raises AdrlError."""
-    ros.require("nav2_msgs", "tf2_msgs")
+    ros.require("nav2_msgs.srv", "tf2_msgs")  # environments of before have no services
     with ros.a_node(NAME, ros_arguments, make=Controller) as node:
         node.config = config
         try:

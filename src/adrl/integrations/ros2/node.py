@@ -72,13 +72,13 @@ def a_node(
 
 
 def require(*packages: str) -> None:
-    """Raises MissingExtra where interfaces are missing."""
+    """Packages, or modules of theirs. Raises MissingExtra where interfaces are missing."""
     for package in packages:
         try:
             import_module(package)
         except ImportError as error:
             raise MissingExtra(
-                f"{error}: install ROS 2's package {package.replace('_', '-')}, or run make ros2 in the source, which "
+                f"{error}: install ROS 2's package {package.partition('.')[0].replace('_', '-')}, or run make ros2 in the source, which "
                 "generates it"
             ) from None
 
