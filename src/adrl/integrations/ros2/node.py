@@ -77,9 +77,9 @@ def require(*packages: str) -> None:
         try:
             import_module(package)
         except ImportError as error:
+            name = package.partition(".")[0].replace("_", "-")
             raise MissingExtra(
-                f"{error}: install ROS 2's package {package.partition('.')[0].replace('_', '-')}, or run make ros2 in the source, which "
-                "generates it"
+                f"{error}: install ROS 2's package {name}, or run make ros2 in the source, which generates it"
             ) from None
 
 
