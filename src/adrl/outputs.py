@@ -3,7 +3,7 @@
 import fcntl
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
@@ -22,11 +22,11 @@ def as_paths(config: object, *names: str) -> None:
             object.__setattr__(config, name, Path(value))
 
 
-def require_folder(option: str, path: PathLike | None, *marks: str) -> None:
+def require_folder(option: str, path: PathLike | None, *marks: str, parts: Collection[str] = ()) -> None:
     """Files can be written to a folder at path, which may not exist yet. Nothing stays of the attempt.
 
     marks: names of files, one of which stands in a folder of this kind; one that holds anything else is not written
-    to. Raises ConfigError.
+    to. parts: what a writer that was killed before it made its mark may have left. Raises ConfigError.
     """
     if path is None:
         return
@@ -40,7 +40,7 @@ def require_folder(option: str, path: PathLike | None, *marks: str) -> None:
         ).close()  # permissions alone promise too much: root has them in /proc
     except OSError:
         raise ConfigError(f"{option} {path}: {existing} cannot be written to; give another place") from None
-    if marks and existing == folder and _holds_something_else(folder, marks):
+    if marks and existing == folder and _holds_something_else(folder, marks, parts):
         raise ConfigError(f"{option} {path} holds files of something else; give another folder")
 
 
@@ -98,6 +98,6 @@ def _nearest(path: Path) -> Path:
     return next(place for place in (path, *path.parents) if place.exists() or place.is_symlink())
 
 
-def _holds_something_else(folder: Path, marks: tuple[str, ...]) -> bool:
-    names = [entry.name for entry in folder.iterdir() if not entry.name.startswith(".")]
-    return bool(names) and not any((folder / mark).exists() for mark in marks)
+def _holds_something_else(folder: Path, marks: tuple[str, ...], parts: Collection[str]) -> bool:
+    names = {entry.name for entry in folder.iterdir() if not entry.name.startswith(".")}
+    return not names <= {*parts} and not any((folder / mark).exists() for mark in marks)

@@ -10,6 +10,7 @@ from adrl.deploy.another_robot import as_trained
 from adrl.deploy.lidar import LidarAdapter
 from adrl.deploy.messages import Scan
 from adrl.envs import Setting
+from adrl.errors import ConfigError
 from adrl.evaluation.evaluate import evaluate
 from adrl.evaluation.metrics import Episodes
 from adrl.observation import ObservationEncoder
@@ -62,3 +63,23 @@ def test_simulator_and_runtime_show_a_policy_the_same_of_another_robot(reach_m):
     ]
     seen = ObservationEncoder(taken_as).encode(np.stack([*map(adapter, scans)]), goal, twist, last_action)
     assert_allclose(sim.observe(), seen, atol=1e-5)
+
+
+@pytest.mark.parametrize("last", ["episodes.parquet", "traces.safetensors"])
+def test_a_save_that_was_killed_between_two_files_is_made_anew(tmp_path, last):
+    """The summary is the last to come, and what came before it is not taken for somebody's files."""
+    tasks = task_set(get_scenario("clutter"), OWN, "validation", 2)
+    evaluate(Wary(), tasks=tasks, out=tmp_path / "whole")
+    kept = {path.name for path in (tmp_path / "whole").iterdir()}
+    left = tmp_path / "left"
+    left.mkdir()
+    for name in sorted(kept - {"summary.json"}):
+        (left / name).write_bytes((tmp_path / "whole" / name).read_bytes())
+        if name == last:
+            break
+    evaluate(Wary(), tasks=tasks, out=left)
+    assert {path.name for path in left.iterdir()} == kept
+    (left / "summary.json").unlink()
+    (left / "thesis.txt").touch()
+    with pytest.raises(ConfigError, match="something else"):
+        evaluate(Wary(), tasks=tasks, out=left)

@@ -7,7 +7,8 @@ import pytest
 
 from adrl.errors import ConfigError
 from adrl.evaluation.evaluate import evaluate
-from adrl.evaluation.trace_file import TRACES_FILE, read_traces
+from adrl.evaluation.results import TRACES_FILE
+from adrl.evaluation.trace_file import read_traces
 from adrl.report.source import read_summary
 from adrl.worlds import get_scenario, load_robot, task_set
 

@@ -23,8 +23,9 @@ def under_way(ros: Ros, speed: str = "2") -> tuple[Process, Process, Probe, int]
     return robot, node, probe, probe.count()
 
 
-def stood_last(probe: Probe) -> bool:
-    """Whether the last command was to stand, and none came after it."""
+def stood_last(probe: Probe, first: int) -> bool:
+    """Whether a command to stand came from an event on, and none to move after it."""
+    probe.wait(lambda e: e["topic"] == "cmd_vel" and not (e["v"] or e["w"]), first, timeout_s=10.0)
     time.sleep(0.5)
     last = probe.of("cmd_vel")[-1]
     return (last["v"], last["w"]) == (0.0, 0.0)
@@ -32,22 +33,22 @@ def stood_last(probe: Probe) -> bool:
 
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGINT])
 def test_zero_is_the_last_command_of_a_node_that_is_told_to_end(ros: Ros, how: signal.Signals) -> None:
-    _, node, probe, _ = under_way(ros)
+    _, node, probe, first = under_way(ros)
     assert node.end(how) == 0
-    assert stood_last(probe)
+    assert stood_last(probe, first)
 
 
 def test_a_node_that_another_takes_the_place_of_says_zero_too(ros: Ros) -> None:
     """As rosnode kill does; in ROS 1 the master ends it, by another thread."""
     if ros.generation != 1:
         pytest.skip("in ROS 2 nodes are ended by signals alone")
-    _, node, probe, _ = under_way(ros)
+    _, node, probe, first = under_way(ros)
     end = "import xmlrpc.client as x, rosgraph; u = rosgraph.Master('/t').lookupNode('/adrl'); "
     end += "x.ServerProxy(u).shutdown('/t', 'test')"
     # It may end before it has answered.
     subprocess.run(["/usr/bin/python3", "-c", end], env=ros.environment, check=False)
     assert node.popen.wait(timeout=15.0) == 0
-    assert stood_last(probe)
+    assert stood_last(probe, first)
 
 
 @pytest.mark.parametrize("kind", ["sim", "drive"])

@@ -22,6 +22,7 @@ from adrl.evaluation.bag_recorder import BagRecorder
 from adrl.evaluation.results import (
     EPISODES_FILE,
     SUMMARY_FILE,
+    TRACES_FILE,
     RunMeta,
     Summary,
     require_results_folder,
@@ -30,7 +31,7 @@ from adrl.evaluation.results import (
 )
 from adrl.evaluation.rollout import PrivilegedPolicy, Recorder, Rollout, rollout
 from adrl.evaluation.supervised import Supervised
-from adrl.evaluation.trace_file import TRACES_FILE, write_traces
+from adrl.evaluation.trace_file import write_traces
 from adrl.evaluation.traces import TraceRecorder, Traces
 from adrl.observation import EncoderConfig
 from adrl.planning.replanner_config import ReplannerConfig

@@ -21,14 +21,16 @@ from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.over_robots import Columns, by_robot, summarise_robots
 from adrl.evaluation.results import (
     EPISODES_FILE,
+    ROBOTS_FILE,
     SUMMARY_FILE,
+    TRACES_FILE,
     RunMeta,
     Summary,
     require_results_folder,
     write_table,
 )
 from adrl.evaluation.rollout import CHUNK, PrivilegedPolicy, rollout
-from adrl.evaluation.trace_file import TRACES_FILE, write_traces
+from adrl.evaluation.trace_file import write_traces
 from adrl.evaluation.traces import Traces
 from adrl.observation import EncoderConfig
 from adrl.processes import usable_cores
@@ -36,8 +38,6 @@ from adrl.types import Policy, RobotConfig, Scenario, Task
 from adrl.worlds import RobotFamily, get_scenario, load_robots, task_set
 
 LOG = logging.getLogger("adrl.evaluation")
-ROBOTS_FILE = "robots.parquet"
-"""A row a robot; see by_robot."""
 ROBOTS, TASKS = 100, 20
 """Robots of an evaluation, and tasks of each, where none are asked for."""
 

@@ -38,7 +38,8 @@ MAX_BYTES, MAX_ROWS = 2**30, 10**7
 """Of a table that is read."""
 
 SUMMARY_FILE, EPISODES_FILE = "summary.json", "episodes.parquet"
-"""Of an evaluation's folder."""
+ROBOTS_FILE, TRACES_FILE = "robots.parquet", "traces.safetensors"
+"""Of an evaluation's folder; robots.parquet, of a family's, has a row a robot: see by_robot."""
 
 Summary = dict[str, Any]
 """One evaluation as it stands in the JSON file."""
@@ -122,7 +123,9 @@ def training_of(meta: RunMeta) -> Summary:
 
 def require_results_folder(option: str, path: outputs.PathLike | None) -> None:
     """An evaluation can be saved at path: a new folder, or that of another, which it replaces. Raises ConfigError."""
-    outputs.require_folder(option, path, SUMMARY_FILE)
+    outputs.require_folder(
+        option, path, SUMMARY_FILE, parts=(EPISODES_FILE, ROBOTS_FILE, TRACES_FILE)
+    )  # the summary is written last
     summary = None if path is None else Path(path) / SUMMARY_FILE
     if summary is None or not summary.exists():
         return

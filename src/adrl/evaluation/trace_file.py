@@ -22,7 +22,6 @@ from adrl.types import OccupancyGrid, RobotConfig, World
 from adrl.worlds import robot_from_fields
 
 SCHEMA_VERSION = 1
-TRACES_FILE = "traces.safetensors"
 STATES = ("time_s", "pose", "twist", "waypoint", "clearance", "ranges")
 """Fields of Trace with a row a state."""
 WALKERS = ("people", "legs")

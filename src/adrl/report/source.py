@@ -14,8 +14,8 @@ from adrl.deploy.policies import ResolvedPolicy, find_policy
 from adrl.deploy.policy import CONFIG_FILE, WEIGHTS_FILE
 from adrl.errors import CheckpointError, FileError
 from adrl.evaluation.metrics import Episodes
-from adrl.evaluation.results import EPISODES_FILE, SUMMARY_FILE, read_episodes, read_table
-from adrl.evaluation.trace_file import TRACES_FILE, read_traces
+from adrl.evaluation.results import EPISODES_FILE, SUMMARY_FILE, TRACES_FILE, read_episodes, read_table
+from adrl.evaluation.trace_file import read_traces
 from adrl.evaluation.traces import Traces
 from adrl.json_files import checked, read_json
 

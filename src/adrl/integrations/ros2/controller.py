@@ -116,6 +116,7 @@ class Controller(LifecycleNode):
             publisher = ros.create_publisher(self, topic, kind, latched=topic in LATCHED)
             self._made.append((self.destroy_publisher, publisher))
             publishers[topic] = publisher
+        self._made.append((ros.last_word, publishers["cmd_vel"]))
         topics = drive_topics(self, config, publishers)
         topics.active = False
         self._made += [(self.destroy_subscription, one) for one in subscribe_all(self, topics)]

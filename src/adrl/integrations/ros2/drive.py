@@ -42,6 +42,7 @@ def drive(config: DriveConfig, ros_arguments: Sequence[str]) -> None:
             ros.spin(node)
         finally:
             topics.stop()
+            ros.last_word(publishers["cmd_vel"])
 
 
 def drive_topics(node: Any, config: RuntimeConfig, publishers: Mapping[str, Any]) -> DriveTopics:

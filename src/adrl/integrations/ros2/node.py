@@ -17,6 +17,7 @@ try:
     from builtin_interfaces.msg import Time  # pyright: ignore[reportMissingImports]
     from rcl_interfaces.msg import ParameterDescriptor  # pyright: ignore[reportMissingImports]
     from rclpy.clock import Clock, ClockType  # pyright: ignore[reportMissingImports]
+    from rclpy.duration import Duration  # pyright: ignore[reportMissingImports]
     from rclpy.experimental import EventsExecutor  # pyright: ignore[reportMissingImports]
     from rclpy.qos import (  # pyright: ignore[reportMissingImports]
         DurabilityPolicy,
@@ -34,6 +35,8 @@ except ImportError as error:
         f"ROS 2 is not in this environment ({error}); make ros2 in the source makes one, .venv-ros2, with its own adrl"
     ) from None
 
+LOG = logging.getLogger("adrl.driver")
+
 RELIABLE = QoSProfile(depth=1)
 SENSOR = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -43,6 +46,9 @@ TRANSFORMS = {
 }
 OVERRIDABLE = QoSOverridingOptions((QoSPolicyKind.RELIABILITY, QoSPolicyKind.DURABILITY, QoSPolicyKind.DEPTH))
 """By parameters qos_overrides.TOPIC.subscription.reliability and the like."""
+
+LAST_WORD_S = 1.0
+"""So long a publisher that ends waits for those who listen to have its last message."""
 
 WAIT_S = 0.1
 """A signal is heeded so soon where no message comes."""
@@ -111,6 +117,12 @@ def create_publisher(node: Any, topic: str, kind: str, *, latched: bool = False)
     """rclpy's."""
     qos = TRANSFORMS.get(topic, LATCHED if latched else RELIABLE)
     return node.create_publisher(message_class(kind), topic, qos, qos_overriding_options=OVERRIDABLE)
+
+
+def last_word(publisher: Any) -> None:
+    """Wait until all who listen have what was published: a publisher takes with it what was not sent yet."""
+    if not publisher.wait_for_all_acked(Duration(seconds=LAST_WORD_S)):
+        LOG.warning("not all who listen to %s have its last message; some may be gone", publisher.topic_name)
 
 
 def subscribe(node: Any, topic: str, kind: str, take: Callable[[Any], None], qos: Any) -> Any:
