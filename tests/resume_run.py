@@ -14,7 +14,7 @@ from adrl.agents.train import train
 from adrl.deploy.policy import MlpPolicy, PolicyConfig
 from adrl.imitation.demonstrations import Demonstrations
 from adrl.imitation.probe import record_probe
-from adrl.imitation.schedule import Driver, ScheduleConfig
+from adrl.imitation.schedule import Driver, Rise, ScheduleConfig
 from adrl.observation import Mirror
 from adrl.signals import stop_requests
 from probe_envs import PLAIN, Stumble, Walk, record_demonstrations
@@ -28,6 +28,7 @@ class Kind:
     """What a run has beside config()."""
 
     driver: Driver = "value"
+    rise: Rise = "steady"
     guide: Guide = "none"
     env: type[Walk] = Walk
     failure_share: float = 0.0
@@ -37,6 +38,7 @@ class Kind:
 
 KINDS = {
     "value": Kind(),
+    "arrivals": Kind(rise="arrivals"),
     "return": Kind(driver="return"),
     "progress": Kind(driver="progress"),
     "proposal": Kind(guide="proposal"),
@@ -95,7 +97,7 @@ def run(
     stopped: Callable[[], bool] = lambda: False,
 ) -> TrainResult:
     base = config(steps)
-    schedule = replace(base.schedule, driver=kind.driver)
+    schedule = replace(base.schedule, driver=kind.driver, rise=kind.rise)
     return train(
         replace(base, schedule=schedule, failure_share=kind.failure_share, guide=kind.guide),
         kind.env(NUM_ENVS),

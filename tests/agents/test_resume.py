@@ -89,9 +89,9 @@ def test_killed_and_resumed_equals_never_killed(tmp_path: Path, seed: int, never
     assert die_and_resume(tmp_path, seed, resume_run.KINDS["value"]) == never_killed
 
 
-@pytest.mark.parametrize("name", ["return", "progress", "proposal", "jump-start", "failures"])
+@pytest.mark.parametrize("name", ["arrivals", "return", "progress", "proposal", "jump-start", "failures"])
 def test_so_does_a_run_of_another_kind(tmp_path: Path, name: str, never_killed: Outcome):
-    """Released by the return, or by its progress; with a guide; with mirrored rows, and rows that lead to failures."""
+    """Released as episodes arrive, by the return, or by its progress; with a guide; with mirrored rows, and rows that lead to failures."""
     kind = resume_run.KINDS[name]
     resume_run.run(tmp_path / "whole", STEPS, kind=kind)
     whole = outcome(tmp_path / "whole")

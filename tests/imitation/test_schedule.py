@@ -16,6 +16,7 @@ from adrl.imitation.schedule import (
     MaturityState,
     ScheduleConfig,
     alpha,
+    arrivals,
     bounds_in_use,
     lambda_bc,
     measured_maturity,
@@ -96,6 +97,41 @@ def test_maturity_is_bounded_and_its_rate_limited(values: list[float]):
     for before, after in pairwise(path):
         assert 0.0 <= after <= 1.0
         assert -DT / CONFIG.fall_updates - 1e-12 <= after - before <= DT / CONFIG.rise_updates + 1e-12
+
+
+WITH_ARRIVALS = replace(CONFIG, rise="arrivals")
+
+
+@given(st.lists(st.lists(st.booleans(), max_size=30), min_size=1, max_size=40))
+def test_with_arrivals_s_rises_by_the_share_that_arrives(ended: list[list[bool]]):
+    """However mature the critic calls itself. The average as a sum: an episode weighs 19/20 of the next one."""
+    state, seen = MaturityState(cold=0.0, cold_share=0.0), []
+    for arrived in ended:
+        before, seen = state.maturity, seen + arrived
+        state = update(arrivals(state, arrived), 100.0, Bounds(0.0, 1.0), DT, WITH_ARRIVALS)
+        share = sum(one / 20 * (19 / 20) ** later for later, one in enumerate(reversed(seen)))
+        assert state.arriving == pytest.approx(share)
+        allowed = before + share * DT / WITH_ARRIVALS.rise_updates
+        assert state.maturity <= min(allowed, 1.0) + 1e-12
+        assert any(seen) or state.maturity == 0.0
+
+
+def test_where_all_arrive_s_rises_as_without_arrivals():
+    state = MaturityState(cold=0.0, cold_share=0.0, arriving=1.0)
+    for expected in run([1.0] * 60):
+        state = update(arrivals(state, [True] * 5), 1.0, Bounds(0.0, 1.0), DT, WITH_ARRIVALS)
+        assert state.maturity == pytest.approx(expected)
+
+
+def test_s_falls_with_the_critic_although_all_arrive():
+    """Arrivals hold S back; they do not make it."""
+    state = MaturityState(cold=0.0, cold_share=0.0, arriving=1.0, maturity=0.5)
+    assert update(arrivals(state, [True]), -1.0, Bounds(0.0, 1.0), DT, WITH_ARRIVALS).maturity < 0.5
+
+
+def test_arrivals_are_counted_in_the_warm_up():
+    config = replace(WITH_ARRIVALS, warmup_updates=5 * DT)
+    assert update(arrivals(MaturityState(), [True]), 1.0, Bounds(0.0, 1.0), DT, config).arriving == 1 / 20
 
 
 def test_maturity_stays_zero_in_the_warm_up_whatever_the_critic_says():
@@ -232,8 +268,9 @@ def test_a_probe_is_needed_only_where_it_is_used():
     assert ScheduleConfig(eq2="literal").needs_probe  # and eq 13 against it
     assert not LITERAL.needs_probe
     assert not ScheduleConfig(driver="clock").needs_probe
-    with pytest.raises(ConfigError, match="driver"):
-        ScheduleConfig(driver="moon")  # pyright: ignore[reportArgumentType]
+    for name in ("driver", "rise"):
+        with pytest.raises(ConfigError, match=name):
+            ScheduleConfig(**{name: "moon"})  # pyright: ignore[reportArgumentType]
 
 
 @pytest.mark.parametrize("later", [Bounds(-2.0, 1.0), Bounds(-20.0, 10.0), Bounds(3.0, 6.0)])

@@ -74,6 +74,7 @@ class Learner:
         self._probe = None if probe is None else jnp.array(probe.observation, copy=True)
         self._bounds = None if probe is None else BoundsTable(probe, config.td3.gamma, config.reward)
         self._returns: list[float] = []
+        self._arrived: list[bool] = []
         proposes = config.guide == "proposal"
         self._shape = td3.make_shape(observation_size, config.td3, config.reward, guide_proposes=proposes)
         self._update = td3.make_update(self._shape)
@@ -196,21 +197,26 @@ class Learner:
         """The averaged actor of today becomes the guide."""
         self.state = self.state._replace(guide=jnp.array(self.state.average_actor, copy=True))
 
-    def mature(self, returns: Iterable[float] = ()) -> None:
+    def mature(self, returns: Iterable[float] = (), arrived: Iterable[bool] = ()) -> None:
         """Measure S if it is due (eqs 2, 13). Waits for the running updates.
 
-        returns: of the training episodes that have ended since the last call, see EpisodeTally.add.
+        returns: of the training episodes that have ended since the last call, see EpisodeTally.add. arrived: whether
+        each ended at its goal.
         """
         config = self._config.schedule
         if config.follows_return:
             self._returns += returns
+        if config.rise == "arrivals":
+            self._arrived += arrived
         since = self.online_updates - self._measured_at
         if not self._config.measures_maturity or since < config.interval_updates:
             return
         if self._bounds is not None:
             self.bounds = self._bounds.at(self.reward_maturity)
+        self._schedule = schedule.arrivals(self._schedule, self._arrived)
         self._schedule = schedule.update(self._schedule, self._statistic(), self.bounds, since, config)
         self._returns.clear()
+        self._arrived.clear()
         self._measured_at = self.online_updates
 
     def _statistic(self) -> float:
@@ -280,6 +286,7 @@ class Learner:
             "measured_at": self._measured_at,
             "bounds": None if np.isnan(self.bounds.low) else list(self.bounds),
             "returns": self._returns,
+            "arrived": self._arrived,
             "info": None if self._info is None else [float(number) for number in self._info],
             "pretrain_updates": self.pretrain_updates,
             "online_updates": self.online_updates,
@@ -304,6 +311,7 @@ class Learner:
         if numbers["bounds"] is not None:
             self.bounds = Bounds(*numbers["bounds"])
         self._returns = list(numbers["returns"])
+        self._arrived = list(numbers.get("arrived", []))  # absent before S could rise with them
         if numbers["info"] is not None:
             self._info = td3.UpdateInfo(*(jnp.float32(number) for number in numbers["info"]))
         self.pretrain_updates = numbers["pretrain_updates"]

@@ -94,6 +94,11 @@ def q_filter(config: TrainConfig) -> TrainConfig:
     )
 
 
+def adrl_arrivals(config: TrainConfig) -> TrainConfig:
+    """ADRL whose S rises the slower the fewer training episodes arrive, and not at all where none does."""
+    return replace(config, schedule=replace(config.schedule, rise="arrivals"))
+
+
 def adrl_state(config: TrainConfig) -> TrainConfig:
     """ADRL whose cloning weight is released state by state, where the critics hold the actor to be the better one.
 
@@ -173,6 +178,7 @@ METHODS: dict[str, Method] = {
     "adrl-alpha": adrl_alpha,
     "adrl-lambda": adrl_lambda,
     "adrl-state": adrl_state,
+    "adrl-arrivals": adrl_arrivals,
     "rl-reward": rl_reward,
     "rl-bc": rl_bc,
     "td3": td3,

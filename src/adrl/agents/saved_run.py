@@ -61,6 +61,8 @@ class SavedRun(TypedDict):
     train_success: float | None
     success: float | None
     returns: list[float]
+    arrived: NotRequired[list[bool]]
+    """Absent from checkpoints before S could rise with arrivals."""
     explorer: NotRequired[Curriculum]
     """Of exploration.Explorer; absent from checkpoints before methods had a guide."""
     best: NotRequired[BestOfRun]

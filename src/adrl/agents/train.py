@@ -127,6 +127,7 @@ class _Run:
         self._explorer = Explorer(config, n, learner.replay.longest_demonstration)
         self._tally = EpisodeTally.empty(n)
         self._returns: list[float] = []
+        self._arrived: list[bool] = []
         self._env_steps, self._logged_at, self._validated_at = 0, 0, 0
         self._setup_s = 0.0
         self._train_success: float | None = None
@@ -186,7 +187,7 @@ class _Run:
         """One step of all rows of the environment, and the updates that run beside it."""
         learner = self.learner
         acting = None if learner.acts_at_random else learner.acting(self._policy_config)
-        learner.mature(self._returns)
+        learner.mature(self._returns, self._arrived)
         self.env.maturity = learner.maturity
         if self._env_steps >= self.config.start_steps and learner.replay.ready:
             self._update()
@@ -210,7 +211,8 @@ class _Run:
         returns = self._tally.add(rewards, ended, info["success"], discount)
         self._explorer.count(ended, info["success"])
         # The robots that explore least tell best what the actor itself would earn.
-        self._returns = returns[np.flatnonzero(ended) < max(len(ended) // 4, 1)].tolist()
+        telling = np.flatnonzero(ended) < max(len(ended) // 4, 1)
+        self._returns, self._arrived = returns[telling].tolist(), info["success"][ended][telling].tolist()
         self._observation = np.array(observation, dtype=np.float32)
         self._env_steps += len(observation)
 
@@ -337,6 +339,7 @@ class _Run:
             "train_success": self._train_success,
             "success": self._success,
             "returns": self._returns,
+            "arrived": self._arrived,
             "explorer": self._explorer.numbers(),
             "wall_s": self.wall_s(),
             "metrics_bytes": self._log.position(),
@@ -368,7 +371,7 @@ class _Run:
             loop = saved.part("loop")
             self._observation = loop.pop("observation")
             self._tally = EpisodeTally(**loop, **state["tally"])
-            self._returns = state["returns"]
+            self._returns, self._arrived = state["returns"], state.get("arrived", [])
             self._explorer.restore(state.get("explorer", {}))
             if self.start is not None:
                 self._best = Best.restored(state.get("best"), saved.part("best"), self._policy_config)

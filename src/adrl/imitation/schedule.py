@@ -4,6 +4,7 @@ In the corrected forms alpha and lambda follow S, not the raw Q, so that neither
 """
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, Literal, NamedTuple, Self, get_args
 
@@ -14,6 +15,7 @@ from adrl.ranges import Range, check_ranges
 from adrl.types import Form, require_forms
 
 Driver = Literal["value", "return", "progress", "clock"]
+Rise = Literal["steady", "arrivals"]
 EQUATIONS = ("eq2", "eq3", "eq5", "eq13")
 """The equations that have two forms."""
 MOST_EXPONENT = 35.0
@@ -34,6 +36,8 @@ PROGRESS_GAIN, SETBACK_GAIN = 1.2e-3, 4e-3
 weight that begins at 0.4; an update is 16 steps."""
 TARGET_SCORE = 1.05
 """R_target of the driver progress, in returns of the expert: Zhao et al."""
+ARRIVALS = 20.0
+"""Episodes over which the share that arrives is averaged."""
 MOST_COLD = 0.9
 """A cold critic that promises more than this share of what the expert earns counts as one that promises so much."""
 
@@ -69,6 +73,10 @@ class ScheduleConfig:
     """Time constant of the exponential moving average over measured maturities; 0.001 to 1e+09."""
     rise_updates: Annotated[float, Range(0.001, 1e9)] = 2500.0
     """Updates that S takes at the least from 0 to 1; 0.001 to 1e+09."""
+    rise: tyro.conf.Suppress[Rise] = "steady"
+    """How fast S may rise. steady: as rise_updates says. arrivals: times the share of the training episodes that have
+    arrived lately. Where an expert errs, what it earns can be less than a critic promises that has learnt to hit
+    nothing and arrives nowhere: without an arrival nothing is released."""
     fall_updates: ClassVar[float] = 30000.0
     """Updates that S takes at the least from 1 to 0. Far more than rise_updates: the ratchet."""
     patience_updates: Annotated[float, Range(0.001, 1e9)] | None = None
@@ -92,6 +100,8 @@ class ScheduleConfig:
             raise ConfigError(
                 f"schedule.driver is {self.driver!r}; give one of {', '.join(get_args(Driver))}"
             )
+        if self.rise not in get_args(Rise):
+            raise ConfigError(f"schedule.rise is {self.rise!r}; give one of {', '.join(get_args(Rise))}")
         check_ranges(self, "schedule.")
         if self.alpha_min > self.alpha_max:
             raise ConfigError(
@@ -158,6 +168,8 @@ class MaturityState(NamedTuple):
     """Where it lay on the way from chance's return to the expert's, under the weights of then."""
     reach: float = 1.0
     """Where Q_max lies: a share of the way from Q_min to the expert's return."""
+    arriving: float = 0.0
+    """Share of the latest training episodes that arrived, a moving average over episodes; 0 for rise steady."""
 
 
 class Bounds(NamedTuple):
@@ -221,6 +233,14 @@ def bounds_in_use(state: MaturityState, bounds: Bounds, config: ScheduleConfig) 
     return Bounds(low, low + state.reach * (bounds.high - low))
 
 
+def arrivals(state: MaturityState, arrived: Iterable[bool]) -> MaturityState:
+    """Count training episodes that have ended, in their order. arrived: whether each reached its goal."""
+    share = state.arriving
+    for one in arrived:
+        share += (one - share) / ARRIVALS
+    return state._replace(arriving=share)
+
+
 def update(
     state: MaturityState, statistic: float, bounds: Bounds, dt_updates: int, config: ScheduleConfig
 ) -> MaturityState:
@@ -252,12 +272,18 @@ def update(
         state = state._replace(cold=statistic, cold_share=share)
     if updates <= config.warmup_updates:
         return MaturityState(
-            updates=updates, statistic=statistic, cold=state.cold, cold_share=state.cold_share
+            updates=updates,
+            statistic=statistic,
+            cold=state.cold,
+            cold_share=state.cold_share,
+            arriving=state.arriving,
         )
     to_expert = bounds_in_use(state._replace(reach=1.0), bounds, config)
     gain = 1.0 - math.exp(-dt_updates / config.smoothing_updates)
     average = state.average + gain * (measured_maturity(statistic, to_expert) - state.average)
     most, least = dt_updates / config.rise_updates, -dt_updates / config.fall_updates
+    if config.rise == "arrivals":
+        most *= state.arriving
     reach = state.reach
     if not config.expert_in_reach:
         lowered = 1.0 - math.exp(-dt_updates / (config.patience_updates or PATIENCE_UPDATES["goal"]))
