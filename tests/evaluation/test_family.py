@@ -1,6 +1,8 @@
 """Evaluation on the robots of a family: the robot is the unit, and each drives as it does alone."""
 
 import json
+import shlex
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 from numpy.testing import assert_array_equal
 
+from adrl.commands.evaluate import EvaluateOptions, again
+from adrl.commands.options import parse
 from adrl.errors import ConfigError, TaskError
 from adrl.evaluation.evaluate import evaluate
 from adrl.evaluation.family import evaluate_family
@@ -16,6 +20,7 @@ from adrl.evaluation.results import read_episodes
 from adrl.evaluation.trace_file import read_traces
 from adrl.types import RobotConfig, Task
 from adrl.worlds import FAMILIES, RobotFamily, get_scenario, load_robot, task_set
+from adrl.worlds.place import Place
 from small_run import run_cli
 
 SMALL = RobotFamily(name="small", radius_m=(0.1, 0.3), disc_share=1.0, max_speed_mps=(0.4, 1.5))
@@ -143,6 +148,28 @@ def test_a_refusal_is_one_line(name: str, capsys: pytest.CaptureFixture[str]):
     assert error.startswith("adrl: error: ")
     assert message in error
     assert all("evaluating default" in line for line in progress)
+
+
+GIVEN = [
+    "--scenario office --people 3 --people-share 0.0 --legs --split validation --seed 4",
+    "--map a.yaml --unknown free --guidance replan",
+    "--world a.sdf --models m n --ignore 'tree_*' 'wall 2'",
+    "--barn worlds --barn-held-out 10 --people 2",
+    "",
+]
+
+
+@pytest.mark.parametrize("given", GIVEN)
+def test_the_command_for_the_worst_robot_drives_it_in_the_same_place(given: str):
+    """All of GIVEN together have every option of a place: one that is added is to be added here."""
+    first = parse(EvaluateOptions, ["--robot", "any", *shlex.split(given)], "evaluate", "")
+    robots = {"robot": [0, 7], "success": [1.0, 0.0], "collision": [0.0, 1.0]}
+    adrl, command, *words = shlex.split(again({n: np.array(c) for n, c in robots.items()}, first))
+    assert (adrl, command) == ("adrl", "evaluate")
+    told = parse(EvaluateOptions, words, "evaluate", "")
+    assert told == replace(first, robot=f"any:{first.split}:7")
+    flags = " ".join(GIVEN).replace("-", "_")
+    assert not [option.name for option in fields(Place) if f"__{option.name}" not in flags]
 
 
 @pytest.mark.slow

@@ -2,12 +2,12 @@
 
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from adrl import api
 from adrl.commands.drive_options import DrivesOptions
-from adrl.commands.options import load_place, parse, write_document
+from adrl.commands.options import as_words, load_place, parse, write_document
 from adrl.commands.progress import console, counting_bar
 from adrl.errors import ConfigError
 from adrl.evaluation.metrics import RATES
@@ -18,6 +18,7 @@ from adrl.types import Scenario, Task
 from adrl.worlds import RobotFamily, load_robots, single_task
 from adrl.worlds.fixed import FixedWorld
 from adrl.worlds.people import Peopled
+from adrl.worlds.place import Place
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,7 +112,7 @@ def _over_robots(options: EvaluateOptions, place: Scenario, family: RobotFamily)
     console().print(comparison_table([result.summary]))
     console().print(robots_table(result.robots, result.summary, str(options.robot)))
     _tell(_in_words(result.summary, options))
-    _tell(f"drive the worst again: {_again(result.robots, options)}")
+    _tell(f"drive the worst again: {again(result.robots, options)}")
     if options.out is not None:
         from adrl.report.figures import save
         from adrl.report.over_robots import over_robots_figure
@@ -142,20 +143,13 @@ def _in_words(summary: Summary, options: EvaluateOptions) -> str:
     )
 
 
-def _again(robots: Columns, options: EvaluateOptions) -> str:
+def again(robots: Columns, options: EvaluateOptions) -> str:
     """A command for the worst robot of a family."""
     worst = int(robots["robot"][worst_first(robots)[0]])
-    words = [
-        "adrl",
-        "evaluate",
-        "--policy",
-        options.policy,
-        "--robot",
-        f"{options.robot}:{options.split}:{worst}",
-    ]
-    for name in ("scenario", "map", "world", "barn", "guidance"):
-        value = getattr(options, name)
-        words += [] if value is None else [f"--{name}", str(value)]
+    place = {option.name for option in fields(Place)}
+    words = ["adrl", "evaluate", "--policy", options.policy]
+    words += ["--robot", f"{options.robot}:{options.split}:{worst}"]
+    words += as_words(options, place | {"guidance", "split", "seed"})
     return shlex.join(words)
 
 

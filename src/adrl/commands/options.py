@@ -1,6 +1,7 @@
 """Parsing and showing, as all commands do it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -27,6 +28,19 @@ def parse(options: type[Options], arguments: Sequence[str], command: str, descri
         prog=f"adrl {command}",
         description=description,
     )
+
+
+def as_words(options: Any, names: Iterable[str]) -> list[str]:
+    """Options as they are typed, those of the given fields that differ from their defaults."""
+    words: list[str] = []
+    for option in fields(options):
+        value = getattr(options, option.name)
+        if option.name not in names or value == option.default:
+            continue
+        flag = f"--{option.name.replace('_', '-')}"
+        values = value if isinstance(value, tuple) else (value,)
+        words += [flag] if value is True else [flag, *map(str, values)]
+    return words
 
 
 def subcommand(
