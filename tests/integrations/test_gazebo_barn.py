@@ -14,6 +14,7 @@ import pytest
 
 from adrl import _core
 from adrl.cli import main
+from adrl.commands.gazebo_barn import part_name
 from adrl.envs import NavSim
 from adrl.errors import ConfigError, WorldError
 from adrl.geometry import compose
@@ -244,3 +245,12 @@ def test_a_stopped_benchmark_goes_on_and_does_not_mix_settings(
     assert main(command) == 0
     assert json.loads((out / "summary.json").read_text()) == first
     assert main([*command, "--seed", "1"]) == 2
+
+
+def test_runs_are_of_what_stands_in_a_world_and_not_of_its_number(world: BarnWorld) -> None:
+    same = replace(world, file=Path("elsewhere"))
+    other = replace(world, world=replace(world.world, circles=world.world.circles[:5]))
+    other_jackal = replace(JACKAL, name="another")
+    names = [part_name(j, w) for j, w in ((JACKAL, world), (JACKAL, other), (other_jackal, world))]
+    assert part_name(JACKAL, same) == names[0]
+    assert len(set(names)) == 3

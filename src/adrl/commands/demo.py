@@ -14,11 +14,14 @@ from adrl.commands.progress import console
 from adrl.errors import ConfigError
 from adrl.evaluation.metrics import RATES, Episodes
 from adrl.evaluation.results import comparison_table
+from adrl.outputs import require_folder
 from adrl.report.figures import RoutePanel, learning_curve, routes
 from adrl.report.html import write_report
 from adrl.report.source import read_source
 
 RUN, DRAWN = Path("runs/demo"), Path("runs/demo-robots")
+MARK = ".demo"
+"""File that says that the demo may delete the folder."""
 ROUTES = 6
 EVALUATE_EVERY = 32_000
 """Environment steps between validations: enough points for a curve, little of the minute spent on it."""
@@ -46,12 +49,30 @@ def main(arguments: Sequence[str]) -> int:
     if not options.seconds > 0.0:
         raise ConfigError(f"seconds is {options.seconds:g}; give more than 0")
     for folder in (RUN, DRAWN):
+        _require_own(folder)
+    for folder in (RUN, DRAWN):
         shutil.rmtree(folder, ignore_errors=True)
+    _claim(DRAWN)
     _run(evaluate, "--robot", "any", "--robots", 20, "--episodes", 5, "--out", DRAWN)
     if extras.installed("train"):
+        _claim(RUN)
         _train(options.seconds)
     _tell(RUN if RUN.exists() else DRAWN)
     return 0
+
+
+def _require_own(folder: Path) -> None:
+    """What a demo of before has left is deleted; anything else is not. Raises ConfigError."""
+    require_folder(str(folder), folder)
+    if folder.exists() and any(folder.iterdir()) and not (folder / MARK).exists():
+        raise ConfigError(
+            f"{folder} holds what no demo of this version has left, and the demo would delete it; move it, or delete it"
+        )
+
+
+def _claim(folder: Path) -> None:
+    folder.mkdir(parents=True)
+    (folder / MARK).touch()
 
 
 def _run(command: ModuleType, *arguments: object) -> None:

@@ -19,10 +19,11 @@ from adrl.evaluation.results import SCHEMA_VERSION, interval_entry, plain_table,
 from adrl.evaluation.statistics import clustered_rate
 from adrl.integrations.gazebo import Gazebo
 from adrl.integrations.gazebo.published import Published
-from adrl.integrations.gazebo.skid_steer import COLD_SEED, JACKAL, cold_jackals
+from adrl.integrations.gazebo.skid_steer import COLD_SEED, JACKAL, SkidSteer, cold_jackals
 from adrl.outputs import require_file
 from adrl.worlds import BarnScenario
-from adrl.worlds.barn import START
+from adrl.worlds.barn import START, BarnWorld
+from adrl.worlds.given import fingerprint
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -76,7 +77,7 @@ def main(arguments: Sequence[str]) -> int:
         counting_bar(f"driving {options.policy}", "runs") as show,
     ):
         for i, (world, jackal) in enumerate(pairs):
-            name = f"{jackal.name}-world_{world.number}"
+            name = part_name(jackal, world)
             if kept.has(name):
                 continue
             assert world.file is not None
@@ -98,7 +99,7 @@ def main(arguments: Sequence[str]) -> int:
         runs = {
             jackal: BarnRuns(
                 worlds=worlds,
-                episodes=kept.by_trial([f"{jackal.name}-world_{world.number}" for world in worlds]),
+                episodes=kept.by_trial([part_name(jackal, world) for world in worlds]),
                 trained_on=trained_on(policy, worlds),
             )
             for jackal in jackals
@@ -113,6 +114,11 @@ def main(arguments: Sequence[str]) -> int:
     _show(summary, cold=options.cold)
     write_document(options.json, summary)
     return 0
+
+
+def part_name(jackal: SkidSteer, world: BarnWorld) -> str:
+    """Of the runs of one Jackal in one world: what stands in the world counts, not its number alone."""
+    return f"{jackal.name}-world_{world.number}-{fingerprint(world.world)}"
 
 
 def _summary(runs: BarnRuns) -> dict[str, Any]:
