@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
-from adrl.errors import UnknownName
+from adrl.errors import ConfigError, UnknownName
 
 
 def look_up(kind: str, name: str, table: Mapping[str, Any]) -> Any:
@@ -24,6 +24,13 @@ def look_up(kind: str, name: str, table: Mapping[str, Any]) -> Any:
 def listed(text: str) -> tuple[str, ...]:
     """The names in a text with commas between, each once."""
     return tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+
+
+def listed_option(option: str, text: str) -> tuple[str, ...]:
+    """The same of an option that has to name something. Raises ConfigError."""
+    if names := listed(text):
+        return names
+    raise ConfigError(f"{option} is {text!r}, which names nothing; give names with commas between, or leave it out")
 
 
 def offered(kind: str) -> dict[str, EntryPoint]:

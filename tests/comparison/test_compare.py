@@ -106,6 +106,9 @@ class TestConfig:
         [
             ({"methods": "adlr"}, UnknownName),
             ({"methods": " , "}, ConfigError),
+            ({"guidance": ","}, ConfigError),
+            ({"eval_guidance": ","}, ConfigError),
+            ({"routes": -1}, ConfigError),
             ({"eval_guidance": "gaol"}, UnknownName),
             ({"guidance": "gaol", "eval_guidance": "map"}, UnknownName),
             ({"guidance": "map,gaol"}, UnknownName),

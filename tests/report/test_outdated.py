@@ -66,3 +66,28 @@ def test_the_command_makes_anew_what_it_can(run: Path, capsys: pytest.CaptureFix
     assert [path.name for path in outdated(run)] == ["elsewhere"]
     said = "".join(capsys.readouterr().err.split())  # a long path is broken anywhere
     assert "elsewhereisleftout" in said
+
+
+@pytest.mark.integration
+def test_a_run_of_several_places_is_evaluated_in_each(run: Path) -> None:
+    config = json.loads((run / "config.json").read_text())
+    config["settings"]["scenario"] = config["scenario"] = "clutter,rooms"
+    (run / "config.json").write_text(json.dumps(config))
+    for name in ("evaluation", "elsewhere", "planner"):
+        shutil.rmtree(run / name)
+    assert run_cli("report", run, "--episodes", "2") == 0
+    folders = {path.parent.name: json.loads(path.read_text()) for path in run.glob("*/summary.json")}
+    assert {name: told["scenario"] for name, told in folders.items()} == {
+        "evaluation-clutter": "clutter",
+        "evaluation-rooms": "rooms",
+    }
+    page = (run / "report.html").read_text()
+    assert all(name in page for name in folders)
+
+
+def test_a_report_of_what_is_evaluated_needs_no_map(run: Path) -> None:
+    """It may have been moved."""
+    config = json.loads((run / "config.json").read_text())
+    config["settings"] = {"map": "gone.yaml"}
+    (run / "config.json").write_text(json.dumps(config))
+    assert run_cli("report", run) == 0

@@ -24,7 +24,7 @@ from adrl.report.source import (
     read_summary,
     robot_of_run,
 )
-from adrl.types import SPLITS
+from adrl.types import SPLITS, Scenario
 from adrl.worlds.place import Place
 
 
@@ -71,30 +71,36 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _evaluate_anew(run: Path, episodes: int) -> None:
-    """Where nothing was evaluated, on test tasks of the place of training; what is of an earlier policy, as it was."""
+    """Where nothing was evaluated, on test tasks of each place of training; what is of an earlier policy, as it was."""
     config = read_run(run)
     try:
         place = Place.of(config.get("settings", {}))
     except FileError as error:
         raise CheckpointError(f"{run / CONFIG_FILE}: settings {error}; restore the file") from None
-    if not evaluation_folders(run):
-        _evaluate(run, place, run / "evaluation", {"episodes": episodes})
-    for folder in outdated(run):
+    fresh, stale = not evaluation_folders(run), outdated(run)
+    # Read where it is needed: the map may have been moved.
+    places = {one.name: one for one in place.load_all()} if fresh or stale else {}
+    if fresh:
+        for name, scenario in places.items():
+            folder = "evaluation" if len(places) == 1 else f"evaluation-{name}"
+            _evaluate(run, scenario, run / folder, {"episodes": episodes})
+    for folder in stale:
         summary = read_summary(folder)
-        trained = {"scenario": place.load().name, "robot": robot_of_run(config), "simulator": "native"}
-        if {key: summary.get(key, "native") for key in trained} == trained and summary["split"] in SPLITS:
+        trained = {"robot": robot_of_run(config), "simulator": "native"}
+        as_trained = {key: summary.get(key, "native") for key in trained} == trained
+        if as_trained and summary.get("scenario") in places and summary["split"] in SPLITS:
             as_before = ("split", "guidance", "episodes", "paper_literal", "supervised")
-            _evaluate(run, place, folder, {key: summary[key] for key in as_before if key in summary})
+            _evaluate(run, places[summary["scenario"]], folder, {key: summary[key] for key in as_before if key in summary})
         else:
             console().print(
                 f"{folder} is left out: it is of the policy before it was trained for longer; evaluate it again"
             )
 
 
-def _evaluate(run: Path, place: Place, out: Path, options: dict[str, Any]) -> None:
+def _evaluate(run: Path, scenario: Scenario, out: Path, options: dict[str, Any]) -> None:
     family = find_policy(run).family
     with counting_bar(f"evaluating {run}", "episodes") as show:
-        given = {"scenario": place.load(), "out": out, "on_step": show} | options
+        given = {"scenario": scenario, "out": out, "on_step": show} | options
         if family is None:
             api.evaluate(run, **given)
         else:

@@ -20,7 +20,7 @@ from adrl.evaluation.evaluate import EPISODES
 from adrl.evaluation.family import ROBOTS, TASKS
 from adrl.imitation.experts import PERFECT, find_expert
 from adrl.imitation.teachers import Teacher
-from adrl.registry import listed, look_up
+from adrl.registry import listed, listed_option, look_up
 from adrl.runs import RunConfig
 from adrl.simulators import NATIVE
 from adrl.types import GUIDANCE, RobotConfig
@@ -112,7 +112,7 @@ class CompareConfig(RunConfig):
         for name in (*self.guidances, *self.guidance_names):
             if name not in GUIDANCE:
                 raise UnknownName("guidance", name, GUIDANCE)
-        for name, least in (("seeds", 1), ("episodes", 1), ("robots", 1), ("workers", 0)):
+        for name, least in (("seeds", 1), ("episodes", 1), ("robots", 1), ("routes", 0), ("workers", 0)):
             if (given := getattr(self, name)) is not None and given < least:
                 raise ConfigError(f"{name} is {given}; give {least} or more")
         for name in ("robots", "routes"):
@@ -123,9 +123,7 @@ class CompareConfig(RunConfig):
     @property
     def method_names(self) -> tuple[str, ...]:
         """The methods, each once, in the order given."""
-        given = listed(self.methods)
-        if not given:
-            raise ConfigError("methods is empty; give names with commas between, or all")
+        given = listed_option("methods", self.methods)
         return tuple(dict.fromkeys(n for name in given for n in (METHODS if name == ALL else (name,))))
 
     @property
@@ -150,7 +148,7 @@ class CompareConfig(RunConfig):
     @property
     def guidance_names(self) -> tuple[str, ...]:
         """Guidance of the evaluations, each once."""
-        return listed(self.eval_guidance) if self.eval_guidance else self.guidances
+        return listed_option("eval_guidance", self.eval_guidance) if self.eval_guidance else self.guidances
 
     def run(self, method: str, seed: int, out: Path) -> RunConfig:
         """The run of one method and seed. A baseline's is that of td3: the same environment and reward."""

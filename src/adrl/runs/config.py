@@ -14,7 +14,7 @@ from adrl.observation import EncoderConfig
 from adrl.outputs import as_paths
 from adrl.planning.replanner_config import ReplannerConfig
 from adrl.ranges import Range
-from adrl.registry import listed
+from adrl.registry import listed_option
 from adrl.rewards.config import STANDING_AT_WORST
 from adrl.simulators import NATIVE, find_simulator
 from adrl.types import RobotConfig
@@ -146,7 +146,7 @@ class RunConfig(Place):
     @property
     def placed_guidances(self) -> tuple[str, ...]:
         """The same, each with the place that it is learned in alone; see Mixture."""
-        return listed(self.resolved_guidance())
+        return listed_option("guidance", self.resolved_guidance())
 
     def resolved_replanner(self) -> ReplannerConfig:
         """The replanner's constants, as printed where all is."""

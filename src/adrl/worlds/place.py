@@ -10,7 +10,7 @@ from adrl.errors import ConfigError
 from adrl.json_files import checked
 from adrl.outputs import as_paths
 from adrl.ranges import Range, check_ranges
-from adrl.registry import listed
+from adrl.registry import listed_option
 from adrl.types import Scenario
 from adrl.worlds import BarnScenario, MapScenario, SdfScenario, get_scenario
 from adrl.worlds.fixed import FixedWorld
@@ -110,4 +110,4 @@ class Place:
         if self.barn is not None:
             return (BarnScenario(self.barn, self.barn_held_out),)
         given = self.scenario or "clutter"
-        return tuple(get_scenario(one) for one in (listed(given) if isinstance(given, str) else (given,)))
+        return tuple(get_scenario(one) for one in (listed_option("scenario", given) if isinstance(given, str) else (given,)))
