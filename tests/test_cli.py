@@ -337,9 +337,7 @@ class TestDemo:
         assert f"runs/{name} holds what no demo" in capsys.readouterr().err
         assert mine.read_text() == "a week's training"
 
-    def test_what_a_demo_has_left_is_made_anew(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_what_a_demo_has_left_is_made_anew(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         """Also what one left that was killed."""
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr("adrl.commands.demo.extras.installed", lambda name: False)

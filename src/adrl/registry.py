@@ -30,7 +30,9 @@ def listed_option(option: str, text: str) -> tuple[str, ...]:
     """The same of an option that has to name something. Raises ConfigError."""
     if names := listed(text):
         return names
-    raise ConfigError(f"{option} is {text!r}, which names nothing; give names with commas between, or leave it out")
+    raise ConfigError(
+        f"{option} is {text!r}, which names nothing; give names with commas between, or leave it out"
+    )
 
 
 def offered(kind: str) -> dict[str, EntryPoint]:

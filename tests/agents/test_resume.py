@@ -91,7 +91,8 @@ def test_killed_and_resumed_equals_never_killed(tmp_path: Path, seed: int, never
 
 @pytest.mark.parametrize("name", ["arrivals", "return", "progress", "proposal", "jump-start", "failures"])
 def test_so_does_a_run_of_another_kind(tmp_path: Path, name: str, never_killed: Outcome):
-    """Released as episodes arrive, by the return, or by its progress; with a guide; with mirrored rows, and rows that lead to failures."""
+    """Released as episodes arrive, by the return, or by its progress; with a guide; with mirrored rows, and rows that
+    lead to failures."""
     kind = resume_run.KINDS[name]
     resume_run.run(tmp_path / "whole", STEPS, kind=kind)
     whole = outcome(tmp_path / "whole")

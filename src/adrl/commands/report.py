@@ -90,7 +90,12 @@ def _evaluate_anew(run: Path, episodes: int) -> None:
         as_trained = {key: summary.get(key, "native") for key in trained} == trained
         if as_trained and summary.get("scenario") in places and summary["split"] in SPLITS:
             as_before = ("split", "guidance", "episodes", "paper_literal", "supervised")
-            _evaluate(run, places[summary["scenario"]], folder, {key: summary[key] for key in as_before if key in summary})
+            _evaluate(
+                run,
+                places[summary["scenario"]],
+                folder,
+                {key: summary[key] for key in as_before if key in summary},
+            )
         else:
             console().print(
                 f"{folder} is left out: it is of the policy before it was trained for longer; evaluate it again"

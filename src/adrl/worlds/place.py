@@ -110,4 +110,7 @@ class Place:
         if self.barn is not None:
             return (BarnScenario(self.barn, self.barn_held_out),)
         given = self.scenario or "clutter"
-        return tuple(get_scenario(one) for one in (listed_option("scenario", given) if isinstance(given, str) else (given,)))
+        return tuple(
+            get_scenario(one)
+            for one in (listed_option("scenario", given) if isinstance(given, str) else (given,))
+        )
