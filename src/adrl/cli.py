@@ -19,7 +19,7 @@ COMMANDS = {
     "barn": "drive a policy in worlds of the BARN benchmark and score it",
     "gazebo": "drive policies in Gazebo, measure the gap to our simulator, export worlds",
     "ros1": "drive a robot with ROS 1, or be one: drive, sim",
-    "ros2": "drive a robot with ROS 2, or be one: drive, sim",
+    "ros2": "drive a robot with ROS 2, be one, or be Nav2's controller: drive, sim, controller",
     "calibrate": "fit the simulator's base to recorded drives",
     "view": "watch and steer drives live, in a browser on this machine",
     "report": "write one HTML file of a run or a comparison: curves, tables, replays, failures",
@@ -27,7 +27,7 @@ COMMANDS = {
     "reproduce": "run the paper's experiments again: figures, tables and what does not reproduce",
     "collect": "record demonstrations as a Minari dataset",
     "export": "write a policy as an ONNX model, or for the C++ example",
-    "bench": "measure one of: sim, plan, act, learn, gazebo, ros2",
+    "bench": "measure one of: sim, plan, act, faults, learn, gazebo, ros2, nav2",
     "list": "list robots, scenarios, methods and policies",
 }
 

@@ -246,8 +246,8 @@ def test_the_commands_of_the_page_take_the_robot_to_its_goal(ros: Ros, a_map: st
         (tmp_path / name).write_text(text)
     blocks = re.findall(r"^```sh\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
     (block,) = (block for block in blocks if f"adrl ros{ros.generation} " in block)
-    here = {"map.yaml": [a_map], "adrl": [str(ros.python), "-m", "adrl.cli"], "python": [str(ros.python)]}
-    here["goal.py"] = [str(tmp_path / "goal.py")]
+    here = {"adrl": [str(ros.python), "-m", "adrl.cli"], "python": [str(ros.python)]}
+    here |= {"tests/data/maps/turtlebot3_world/map.yaml": [a_map], "goal.py": [str(tmp_path / "goal.py")]}
     sim, drive, goal = (
         [part for word in shlex.split(line) for part in here.get(word, [word])] for line in block.splitlines()
     )
