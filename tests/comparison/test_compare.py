@@ -157,6 +157,72 @@ class TestConfig:
         assert lines == ["learner.td3.gamma: 0.98 there, 0.9 here", "episodes: 500 there, 7 here"]
 
 
+def write_map(path: Path, wall: int) -> Path:
+    """A room of 12 m with a wall from its left side to a cell."""
+    cells = np.full((60, 60), 254, np.uint8)
+    cells[30, :wall] = 0
+    path.with_suffix(".pgm").write_bytes(b"P5 60 60 255\n" + cells.tobytes())
+    path.write_text(
+        f"image: {path.stem}.pgm\nresolution: 0.2\norigin: [0, 0, 0]\n"
+        "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
+    )
+    return path
+
+
+class TestGivenFiles:
+    """A comparison does not go on when what it was given has changed under the same name."""
+
+    @staticmethod
+    def config(tmp_path: Path, given: str) -> CompareConfig:
+        if given == "worlds":
+            files: dict[str, Any] = {"map": write_map(tmp_path / "hall.yaml", 30)}
+        elif given == "dataset":
+            files = {"dataset": tmp_path / "drives"}
+            (tmp_path / "drives" / "data").mkdir(parents=True)
+            (tmp_path / "drives" / "data" / "main_data.hdf5").write_bytes(b"one")
+        else:
+            files = {"fine_tune": tmp_path / "start"}
+            shutil.copytree(resolve_policy("diffbot"), tmp_path / "start")
+        methods = "adrl" if given == "dataset" else "td3"
+        return CompareConfig(methods=methods, learner=BUDGET, out=tmp_path / "out", **files)
+
+    @staticmethod
+    def change(tmp_path: Path, given: str) -> None:
+        if given == "worlds":
+            write_map(tmp_path / "hall.yaml", 31)
+        elif given == "dataset":
+            (tmp_path / "drives" / "data" / "main_data.hdf5").write_bytes(b"two")
+        else:
+            policy = load_policy(tmp_path / "start")
+            policy.layers[0][0][...] += 0.001
+            policy.save(tmp_path / "start")
+
+    @pytest.mark.parametrize("given", ["worlds", "dataset", "fine_tune"])
+    def test_what_changed_is_told(self, tmp_path: Path, given: str) -> None:
+        config = self.config(tmp_path, given)
+        (tmp_path / "out").mkdir()
+        claim(config, config.out)
+        claim(replace(config), config.out)
+        self.change(tmp_path, given)
+        with pytest.raises(ConfigError, match=f"given.{given}: "):
+            claim(replace(config), config.out)
+
+    @pytest.mark.parametrize("given", ["worlds", "dataset", "fine_tune"])
+    def test_a_folder_of_before_goes_on(self, tmp_path: Path, given: str) -> None:
+        config = self.config(tmp_path, given)
+        (tmp_path / "out").mkdir()
+        claim(config, config.out)
+        path = config.out / "settings.json"
+        content = json.loads(path.read_text())
+        del content["settings"]["given"]
+        path.write_text(json.dumps(content))
+        self.change(tmp_path, given)
+        claim(replace(config), config.out)
+
+    def test_nothing_given_says_nothing(self) -> None:
+        assert "given" not in CompareConfig(methods="td3", learner=BUDGET).settings()
+
+
 def fake_runs(method: str, successes: list[float], seconds: list[float]) -> list[Evaluated]:
     summary = {"guidance": "goal", **dict.fromkeys(("collision", "timeout"), 0.0), "spl": 0.5}
     summary |= {"distance_m": None, "time_s": 4.0, "optimality": 1.1}

@@ -132,6 +132,8 @@ def _claimed(config: CompareConfig, folder: Path) -> _Claimed | None:
     settings = {name: value for name, value in filled.items() if name in shared}
     if isinstance(told.get("learner"), dict):
         settings["learner"] = learner_of_before(told["learner"])
+    if config.given:  # a folder of before does not say what stood in the files: as today
+        settings["given"] = config.given | told.get("given", {})
     methods = {name: learner_of_before(learner) for name, learner in content["methods"].items()}
     return {**content, "settings": settings, "methods": methods}
 

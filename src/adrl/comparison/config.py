@@ -14,6 +14,7 @@ from adrl.agents.methods import METHODS
 from adrl.baselines import SB3_METHODS
 from adrl.baselines.planners import PLANNER, PLANNERS
 from adrl.baselines.tuned import TUNED
+from adrl.comparison.given import fingerprints
 from adrl.deploy.policies import find_policy
 from adrl.errors import ConfigError, UnknownName
 from adrl.evaluation.evaluate import EPISODES
@@ -196,7 +197,14 @@ class CompareConfig(RunConfig):
         content |= self.shared_tasks
         content["guidance"] = self.resolved_guidance()
         content["eval_guidance"] = ",".join(self.guidance_names)
+        if self.given:
+            content["given"] = dict(self.given)
         return content
+
+    @cached_property
+    def given(self) -> dict[str, str]:
+        """Fingerprints of what stands in the files that are given; read once, as a dataset is large. Raises AdrlError."""
+        return fingerprints(self)
 
     def method_settings(self) -> dict[str, Any]:
         """What each method makes of the learner today, as JSON has it: name -> configuration, without the seed.
