@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 import adrl
+from adrl.commands.view import _place_of
 from adrl.deploy.policy import load_policy, resolve_policy
 from adrl.report.source import outdated, read_source
 from small_run import run_cli
@@ -83,6 +84,10 @@ def test_a_run_of_several_places_is_evaluated_in_each(run: Path) -> None:
     }
     page = (run / "report.html").read_text()
     assert all(name in page for name in folders)
+    train_on(run)
+    assert run_cli("report", run) == 0
+    assert outdated(run) == [], "all of them are made anew"
+    assert _place_of(run).scenario == "clutter", "adrl view RUN begins in the first"
 
 
 def test_a_report_of_what_is_evaluated_needs_no_map(run: Path) -> None:

@@ -18,6 +18,7 @@ from adrl.deploy.policy import CONFIG_FILE, DEFAULT
 from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.imitation import BagTopics
 from adrl.outputs import require_folder
+from adrl.registry import listed
 from adrl.report.source import read_run
 from adrl.view.choices import Offer
 from adrl.view.drive import Drive
@@ -144,11 +145,12 @@ def _names_a_place(options: ViewOptions) -> bool:
 
 
 def _place_of(run: Path) -> Place:
-    """Where a run trains, as far as its files say it. Raises AdrlError."""
+    """Where a run trains, as far as its files say it; of several scenarios the first. Raises AdrlError."""
     if (run / CONFIG_FILE).exists():
         try:
-            return Place.of(read_run(run).get("settings", {}))
+            return Place.of(read_run(run).get("settings", {})).each()[0]
         except FileError as error:
             raise CheckpointError(f"{run / CONFIG_FILE}: settings {error}; restore the file") from None
-    scenario = (checkpoint.settings(run).get("environment") or {}).get("scenario")
+    names = str((checkpoint.settings(run).get("environment") or {}).get("scenario"))
+    scenario = next(iter(listed(names)), None)
     return Place(scenario=scenario) if scenario in SCENARIOS else Place()

@@ -1,7 +1,7 @@
 """Where to drive, as the commands take it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,7 +10,7 @@ from adrl.errors import ConfigError
 from adrl.json_files import checked
 from adrl.outputs import as_paths
 from adrl.ranges import Range, check_ranges
-from adrl.registry import listed_option
+from adrl.registry import listed, listed_option
 from adrl.types import Scenario
 from adrl.worlds import BarnScenario, MapScenario, SdfScenario, get_scenario
 from adrl.worlds.fixed import FixedWorld
@@ -95,6 +95,11 @@ class Place:
     def load_all(self) -> tuple[Scenario, ...]:
         """As load(), and several scenarios where several are named."""
         return self._loaded
+
+    def each(self) -> "tuple[Place, ...]":
+        """A place for every scenario that is named."""
+        names = listed(self.scenario) if isinstance(self.scenario, str) else ()
+        return tuple(replace(self, scenario=name) for name in names) or (self,)
 
     @cached_property
     def _loaded(self) -> tuple[Scenario, ...]:
