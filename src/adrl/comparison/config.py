@@ -203,7 +203,7 @@ class CompareConfig(RunConfig):
 
     @cached_property
     def given(self) -> dict[str, str]:
-        """Fingerprints of what stands in the files that are given; read once, as a dataset is large. Raises AdrlError."""
+        """Fingerprints of what stands in the files that are given; read once, datasets are large. Raises AdrlError."""
         return fingerprints(self)
 
     def method_settings(self) -> dict[str, Any]:
