@@ -92,6 +92,20 @@ def test_a_robot_written_as_toml_reads_back_the_same(
     assert robot_from_fields(json.loads(json.dumps(dataclasses.asdict(robot)))) == robot
 
 
+@pytest.mark.parametrize("said", [6.28319, 6.283186, 6.283185, 6.2831853, 2.0 * math.pi])
+def test_a_full_circle_may_be_said_in_six_digits_or_more(said: float) -> None:
+    lidar = LidarConfig(num_beams=360, fov_rad=said)
+    assert lidar.fov_rad == 2.0 * math.pi
+    assert lidar.angle_increment_rad == 2.0 * math.pi / 360
+
+
+def test_more_than_a_full_circle_is_refused_and_a_little_less_repeats_its_first_beam() -> None:
+    with pytest.raises(ConfigError, match=r"lidar.fov_rad is 6.2832; give 0.001 to 6.28319"):
+        LidarConfig(fov_rad=6.2832)
+    fov = 2.0 * math.pi - 1e-6
+    assert LidarConfig(num_beams=360, fov_rad=fov).angle_increment_rad == fov / 359
+
+
 def test_what_a_file_leaves_out_keeps_its_default(tmp_path: Path) -> None:
     path = tmp_path / "carrier.toml"
     path.write_text("max_speed_mps = 1\n")

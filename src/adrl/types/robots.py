@@ -16,8 +16,10 @@ from adrl.ranges import Range, check_ranges
 from adrl.types.base import HasNative, require
 from adrl.types.polygons import outline
 
-FULL_CIRCLE_RAD = 2.0 * math.pi + 1e-6
-"""And what rounding adds."""
+FULL_CIRCLE_RAD = 6.28319
+"""2 pi in the six digits that messages have: the greatest field of view that may be given."""
+ROUNDED_RAD = 5e-7
+"""A field of view that is less short of 2 pi was rounded. One of a scan that repeats its first beam is shorter."""
 BEYOND_SPEED = 2.0
 """Odometry of more than so many times the robot's greatest speeds is a fault."""
 SLIP_M, SLIP_RAD = 0.1, 0.2
@@ -37,7 +39,8 @@ class LidarConfig:
     num_beams: Annotated[int, Range(1, 2048)] = 180
     """Beams a scan, spread evenly over the field of view; 1 to 2048."""
     fov_rad: Annotated[float, Range(0.001, FULL_CIRCLE_RAD)] = 2.0 * math.pi
-    """Field of view, centred on the mount's heading; 0.001 to 6.28319. A full circle does not repeat its first beam."""
+    """Field of view, centred on the mount's heading; 0.001 to 6.28319, which is taken as 2 pi. A full circle
+    does not repeat its first beam."""
     max_range_m: Annotated[float, Range(0.05, 1000.0)] = 6.0
     """Range reported when nothing is hit; 0.05 to 1000."""
     noise_std_m: Annotated[float, Range(0.0, 1.0)] = 0.01
@@ -53,6 +56,8 @@ class LidarConfig:
 
     def __post_init__(self) -> None:
         check_ranges(self, "lidar.")
+        if self.fov_rad > 2.0 * math.pi - ROUNDED_RAD:
+            object.__setattr__(self, "fov_rad", 2.0 * math.pi)
 
     @property
     def mount(self) -> Pose:
