@@ -117,7 +117,10 @@ def test_what_is_missing_is_asked_for_by_name_a_line_each(
 def test_the_numbers_that_it_asks_for_within_may_be_given(tmp_path: Path, nav2: Path) -> None:
     """As they are printed, the greatest too."""
     out = tmp_path / "mine.toml"
-    rest = [text.replace("fov_rad=4.7", "fov_rad=6.28319").replace("yaw_rad=0", "yaw_rad=6.28319") for text in REST]
+    rest = [
+        text.replace("fov_rad=4.7", "fov_rad=6.28319").replace("yaw_rad=0", "yaw_rad=6.28319")
+        for text in REST
+    ]
     assert run_cli("robot", "--from-nav2", nav2, "--out", out, *given_by(*rest)) == 0
     assert load_robot(str(out)).lidar.fov_rad == 2.0 * np.pi
 
