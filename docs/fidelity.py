@@ -4,7 +4,7 @@
 
 Every row of the first table is ADRL on `clutter` with that one equation literal and all others corrected, evaluated on
 validation tasks. The equations of the replanner do not touch training: in the second they are compared on `complex`
-with the shipped policy, all but its first row without foresight, so that eq 18 alone asks for plans. Stopped, the same
+with policy diffbot, all but its first row without foresight, so that eq 18 alone asks for plans. Stopped, the same
 command goes on with the trainings. The tables stand between the two markers of docs/fidelity.md.
 """
 
@@ -78,9 +78,9 @@ def train_row(name: str, learner: TrainConfig, options: Options) -> dict[str, An
 
 
 def replan_row(name: str, replanner: ReplannerConfig, options: Options) -> dict[str, Any]:
-    """The shipped policy on `complex` with guidance replan."""
+    """Policy `diffbot` on `complex` with guidance replan."""
     result = api.evaluate(
-        api.DEFAULT,
+        "diffbot",
         scenario="complex",
         guidance="replan",
         split="validation",

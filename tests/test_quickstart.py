@@ -9,8 +9,7 @@ import nav2_files
 from adrl.worlds import ROBOTS, load_robot
 from small_run import run_cli
 
-LIDAR = {"num_beams": 360, "fov_rad": 6.283, "mount_x_m": -0.064, "mount_y_m": 0, "mount_yaw_rad": 0}
-"""What the parameters do not say of it, and the first command asks for."""
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "quickstart.md"
 
 
 @pytest.mark.integration
@@ -19,7 +18,9 @@ def test_two_commands_lead_from_a_parameter_file_and_a_map_to_intervals(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     nav2_files.write(Path("nav2_params.yaml"), nav2_files.parameters(ROBOTS["turtlebot3_waffle"]))
-    said = [word for name, value in LIDAR.items() for word in ("--set", f"lidar.{name}={value}")]
+    given = re.findall(r"--set (\S+=\S+)", PAGE.read_text(encoding="utf-8").partition("It printed")[0])
+    assert len(given) == 7
+    said = [word for setting in given for word in ("--set", setting)]
     assert run_cli("robot", "--from-nav2", "nav2_params.yaml", "-o", "my.toml", *said) == 0
     told = capsys.readouterr().err
     assert load_robot("my.toml").max_speed_mps == ROBOTS["turtlebot3_waffle"].max_speed_mps

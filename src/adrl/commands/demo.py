@@ -38,12 +38,12 @@ class DemoOptions:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Drive drawn robots with the shipped policy; train, evaluate, compare and draw where the extra train is there."""
+    """Drive drawn robots with policy default; train, evaluate, compare and draw where the extra train is there."""
     options = parse(
         DemoOptions,
         arguments,
         "demo",
-        "Drive robots that no training has seen with the shipped policy. Then train one for a minute (extra train), "
+        "With policy default drive robots that no training has seen. Then train one for a minute (extra train), "
         "evaluate it beside A*+DWA on unseen worlds, and draw what happened.",
     )
     if not options.seconds > 0.0:
