@@ -63,7 +63,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def _require_own(folder: Path) -> None:
     """What a demo of before has left is deleted; anything else is not. Raises ConfigError."""
-    require_folder(str(folder), folder)
+    require_folder("folder", folder)
     if folder.exists() and any(folder.iterdir()) and not (folder / MARK).exists():
         raise ConfigError(
             f"{folder} holds what no demo of this version has left, and the demo would delete it; move it, or delete it"

@@ -148,7 +148,7 @@ def _place_of(run: Path) -> Place:
     """Where a run trains, as far as its files say it; of several scenarios the first. Raises AdrlError."""
     if (run / CONFIG_FILE).exists():
         try:
-            return Place.of(read_run(run).get("settings", {})).each()[0]
+            return Place.of(read_run(run).get("settings", {})).first
         except FileError as error:
             raise CheckpointError(f"{run / CONFIG_FILE}: settings {error}; restore the file") from None
     names = str((checkpoint.settings(run).get("environment") or {}).get("scenario"))

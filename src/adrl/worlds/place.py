@@ -10,7 +10,7 @@ from adrl.errors import ConfigError
 from adrl.json_files import checked
 from adrl.outputs import as_paths
 from adrl.ranges import Range, check_ranges
-from adrl.registry import listed, listed_option
+from adrl.registry import listed_option
 from adrl.types import Scenario
 from adrl.worlds import BarnScenario, MapScenario, SdfScenario, get_scenario
 from adrl.worlds.fixed import FixedWorld
@@ -96,10 +96,12 @@ class Place:
         """As load(), and several scenarios where several are named."""
         return self._loaded
 
-    def each(self) -> "tuple[Place, ...]":
-        """A place for every scenario that is named."""
-        names = listed(self.scenario) if isinstance(self.scenario, str) else ()
-        return tuple(replace(self, scenario=name) for name in names) or (self,)
+    @property
+    def first(self) -> "Place":
+        """The same, with the first of several scenarios. Raises ConfigError."""
+        if not isinstance(self.scenario, str):
+            return self
+        return replace(self, scenario=listed_option("scenario", self.scenario)[0])
 
     @cached_property
     def _loaded(self) -> tuple[Scenario, ...]:
