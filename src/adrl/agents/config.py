@@ -86,7 +86,7 @@ class TrainConfig:
     max_seconds: Annotated[float, Range(1e-09, math.inf)] | None = None
     """Wall clock of the run in s, 1e-09 or more: imports, demonstrations, probe, compilation and learning, with
     --resume also what was spent before. Time spent on validation is not counted, so the command takes longer; it is
-    where it decides which policy is kept: --fine-tune, --demonstration-rounds."""
+    where it decides which policy is kept: in fine-tuning, and after rounds of demonstrations."""
     updates_per_iteration: ClassVar[int] = 4
     """Gradient updates for each step of the vector environment; a multiple of policy_delay."""
     replay_capacity: Annotated[int, Range(1, 10_000_000)] = 500_000
