@@ -113,6 +113,8 @@ class NavSim:
                 tells_path=self.encoder.needs_path,
             )
         self.tasks: list[Task | None] = [None] * num_envs
+        self.paths: list[Array] = [np.empty((0, 2))] * num_envs
+        """Of each row the one that it follows on a known map: its task's, or for a car that stood a new array."""
         self._time_limit_s = np.full(num_envs, np.inf)
         self._last_action = np.zeros((num_envs, 2), dtype=np.float32)
         self._has_cars_on_map = bool((self._table.car & self._table.on_map).any())
@@ -204,6 +206,7 @@ class NavSim:
             self._path_from[i] = np.inf
             self.b["memory"][i, 0] = 0.0
         self.native.set_task(i, task.native)
+        self.paths[i] = task.path
         self._time_limit_s[i] = task.time_limit_s
 
     def set_people(self, i: int, people: People) -> None:
@@ -271,8 +274,9 @@ class NavSim:
         """A path from where car i stands. Where there is none, it goes on with the one it has."""
         b = self.b
         try:
-            self.native.set_path(i, self._from(i, b["pose"][i]).native)
-            self._path_from[i] = b["pose"][i]
+            again = self._from(i, b["pose"][i])
+            self.native.set_path(i, again.native)
+            self.paths[i], self._path_from[i] = again.path, b["pose"][i]
         except PlanningError:
             pass
         self._standstill.begin(np.array([i]), b["route_left"][i], b["time"][i])
@@ -390,6 +394,7 @@ class NavSim:
                 pose = self._path_from[i]
                 driven = self._from(i, pose) if np.isfinite(pose).all() else task
                 self.native.set_task(i, driven.native)
+                self.paths[i] = driven.path
 
     def _only(self, what: str, found: Mapping[Any, None]) -> Any:
         if len(found) > 1:

@@ -84,7 +84,7 @@ class Renderer:
         for disc_x, disc_y, radius in sim.moving(index):
             draw.ellipse(view.disc(disc_x, disc_y, radius), fill=DISC)
         draw.point([p for hit in view.pixels(_hits(sim, index)) for p in hit], fill=SCAN)
-        draw.line(view.pixels(task.path), fill=PATH, width=2)
+        draw.line(view.pixels(sim.paths[index]), fill=PATH, width=2)
         draw.ellipse(view.disc(task.goal[0], task.goal[1], task.goal_tolerance_m), outline=GOAL, width=3)
         kind = sim.kinds[sim.b["kind"][index]]
         if kind.guidance != "goal":

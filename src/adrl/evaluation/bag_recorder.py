@@ -1,6 +1,6 @@
 """Episodes as a ROS bag: each as the robot would have recorded it, one after another."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +9,7 @@ from adrl.bags import BagWriter
 from adrl.bags.writer import MAP, ODOM
 from adrl.envs.nav_sim import NavSim
 from adrl.envs.steps import Outcome
-from adrl.evaluation.traces import StepLog
+from adrl.evaluation.traces import PathLog, StepLog
 from adrl.types import Array, Task
 
 START_S = 1.0
@@ -23,7 +23,8 @@ class BagRecorder:
 
     At each control period: scan and odometry, then the command that the robot answers them with. A goal begins an
     episode; a stop ends it. Goals and plans are in the frame that the policy is given them in: map with guidance
-    `map`, else odom. `/plan` is the A* path there, with `replan` each new way over a waypoint.
+    `map`, else odom. `/plan` is the A* path there, and each that a standing car is given later; with
+    `replan` each new way over a waypoint.
     """
 
     reward = None
@@ -43,13 +44,14 @@ class BagRecorder:
         self._period_s, self._guidance = sim.robot.control_period_s, sim.guidance
         self._tasks = list(sim.tasks)
         self._chosen = np.full(len(numbers), True) if self._wanted is None else np.isin(numbers, self._wanted)
-        self._states, self._steps = StepLog(), StepLog()
+        self._states, self._steps, self._paths = StepLog(), StepLog(), PathLog(sim)
         self._add_state(sim, np.flatnonzero(self._chosen))
 
     def add(self, sim: NavSim, active: NDArray[np.bool_], outcome: Outcome) -> None:
         """One step of the robots that were driving, (N,) active."""
         rows = np.flatnonzero(active & self._chosen)
         self._steps.add(rows, command=sim.b["command"])
+        self._paths.add(sim)
         self._add_state(sim, rows)
 
     def end(self, ending: NDArray[np.bool_]) -> None:
@@ -58,14 +60,17 @@ class BagRecorder:
         for robot, states, steps in zip(robots, self._states.of(robots), self._steps.of(robots), strict=True):
             task = self._tasks[robot]
             assert task is not None
-            self._write(task, states, steps.get("command", np.empty((0, 2))))
+            paths = {0: task.path} | dict(self._paths.of(robot))
+            self._write(task, paths, states, steps.get("command", np.empty((0, 2))))
 
     def _add_state(self, sim: NavSim, rows: NDArray[np.intp]) -> None:
         b = sim.b
         names = ("pose", "odometry", "twist", "ranges", "waypoint")
         self._states.add(rows, **{name: b[name] for name in names})
 
-    def _write(self, task: Task, states: dict[str, Array], commands: Array) -> None:
+    def _write(
+        self, task: Task, paths: Mapping[int, Array], states: dict[str, Array], commands: Array
+    ) -> None:
         write, frame = self._writer, MAP if self._guidance == "map" else ODOM
         told = np.concatenate([commands, np.zeros((1, 2))])
         waypoints = states["waypoint"]
@@ -74,8 +79,8 @@ class BagRecorder:
             time_s = START_S + (self._now + k) * self._period_s
             if k == 0:
                 write.goal(time_s, task.goal, frame)
-            if k == 0 and frame == MAP:
-                write.plan(time_s, task.path, frame)
+            if k in paths and frame == MAP:
+                write.plan(time_s, paths[k], frame)
             if self._guidance == "replan" and (k == 0 or not np.array_equal(waypoints[k], waypoints[k - 1])):
                 write.plan(time_s, np.array([odometry[:2], waypoints[k], task.goal]), frame)
             write.transforms(time_s, states["pose"][k], odometry)

@@ -46,7 +46,7 @@ def write_traces(path: str | os.PathLike[str], traces: Traces) -> None:
         for name in (*STATES, *STEPS):
             array = np.asarray(getattr(trace, name))
             tensors[f"episode.{number}.{name}"] = array.astype(np.float16 if name == "ranges" else np.float32)
-        for name in WALKERS:
+        for name in (*WALKERS, "later_paths"):
             if getattr(trace, name).size:
                 tensors[f"episode.{number}.{name}"] = getattr(trace, name).astype(np.float32)
     about = {
@@ -140,6 +140,9 @@ def _unpack(about: _About, tensors: Mapping[str, NDArray[Any]]) -> Traces:
             walkers = tensors.get(f"episode.{number}.{name}")
             if walkers is not None:
                 arrays[name] = _walkers_like(name, walkers, len(arrays["time_s"]))
+        later = tensors.get(f"episode.{number}.later_paths")
+        if later is not None:
+            arrays["later_paths"] = _paths_like(later, len(arrays["time_s"]))
         told = steps_of(entry["reasons"], len(arrays["time_s"]) - 1) if "reasons" in entry else None
         own_parts = {"world": worlds[entry["world"]], "robot": own, "reasons": told}
         episodes.append(Trace(**arrays, **entry | own_parts))  # pyright: ignore
@@ -183,6 +186,22 @@ def _walkers_like(name: str, walkers: NDArray[Any], states: int) -> NDArray[Any]
             f"{name} of an episode is {walkers.dtype} {walkers.shape}, not finite floats {shape}"
         )
     return walkers
+
+
+def _paths_like(paths: NDArray[Any], states: int) -> NDArray[Any]:
+    """The array, where it is as Trace.later_paths says. Raises ValueError."""
+    if paths.ndim != 2 or paths.shape[1] != 3 or paths.dtype.kind != "f" or not np.isfinite(paths).all():
+        raise ValueError(
+            f"later_paths of an episode is {paths.dtype} {paths.shape}, not finite floats (Q, 3)"
+        )
+    since = paths[:, 0]
+    if (
+        (since % 1.0 != 0.0).any()
+        or (np.diff(since) < 0).any()
+        or not ((since >= 0) & (since < states)).all()
+    ):
+        raise ValueError("later_paths of an episode name states that it does not have, or not in their order")
+    return paths
 
 
 _WORLD_ARRAYS = ("circles", "segments", "discs", "corners", "sizes", "solid")

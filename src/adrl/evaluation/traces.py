@@ -35,7 +35,7 @@ class Trace:
     goal: tuple[float, float]
     goal_tolerance_m: float
     path: Array
-    """(P, 2) the task's A* path."""
+    """(P, 2) the task's A* path; see later_paths."""
     time_s: Array
     """(T + 1,) control periods; a collision ends the last one early."""
     pose: Array
@@ -58,6 +58,9 @@ class Trace:
     """Of each of the T steps, why the supervisor sent another command than the policy's; None without a supervisor."""
     legs: Array = field(default_factory=lambda: np.empty((0, 0, 3)))
     """(T + 1, 2 P, 3) x, y and radius of their legs, where the LiDAR sees those; (0, 0, 3) where it sees bodies."""
+    later_paths: Array = field(default_factory=lambda: np.empty((0, 3)))
+    """(Q, 3) the paths that a car was given after `path`, one after another: number of the state from which on the
+    point's path holds, then x and y."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -105,6 +108,30 @@ class StepLog:
         return [{name: column[whose == i] for name, column in columns.items()} for i in robots]
 
 
+class PathLog:
+    """The paths that robots are given on their way. Made where they stand at their starts; add after every step."""
+
+    def __init__(self, sim: NavSim) -> None:
+        self._last, self._state = list(sim.paths), 0
+        self._given: dict[int, list[tuple[int, Array]]] = {}
+
+    def add(self, sim: NavSim) -> None:
+        self._state += 1
+        for robot, (path, last) in enumerate(zip(sim.paths, self._last, strict=True)):
+            if path is not last:
+                self._last[robot] = path
+                self._given.setdefault(robot, []).append((self._state, path))
+
+    def of(self, robot: int) -> list[tuple[int, Array]]:
+        """(number of the first state in which it holds, (P, 2) path) of each that the robot was given."""
+        return self._given.get(robot, [])
+
+    def rows(self, robot: int) -> Array:
+        """(Q, 3) the same as Trace.later_paths has it."""
+        parts = [np.insert(path, 0, state, axis=1) for state, path in self.of(robot)]
+        return np.concatenate([np.empty((0, 3)), *parts])
+
+
 class TraceRecorder:
     """Watches a rollout: begin, add after every step, end; then again for the next chunk of tasks."""
 
@@ -142,7 +169,7 @@ class TraceRecorder:
         self._states, self._steps, self._points = StepLog(), StepLog(), StepLog()
         periods = np.round(ROUTE_SPACING_S / sim.rows.robot.control_period_s)
         self._every = np.maximum(1, periods.astype(np.int64))
-        self._step = 0
+        self._step, self._paths = 0, PathLog(sim)
         self._add_state(sim, np.arange(sim.num_envs))
 
     def add(self, sim: NavSim, active: NDArray[np.bool_], outcome: Outcome) -> None:
@@ -153,6 +180,7 @@ class TraceRecorder:
         told = {} if self._supervised is None else {"reasons": _objects(self._supervised.reasons)}
         self._steps.add(rows, weights=weight, paid=paid, **told)
         self._step += 1
+        self._paths.add(sim)
         self._add_state(sim, rows)
 
     def end(self, ending: NDArray[np.bool_]) -> None:
@@ -182,6 +210,7 @@ class TraceRecorder:
                     goal=task.goal,
                     goal_tolerance_m=task.goal_tolerance_m,
                     path=task.path,
+                    later_paths=self._paths.rows(i),
                     **states,
                     **{name: steps.get(name, none) for name in STEPS},
                     reasons=None if self._supervised is None else tuple(steps.get("reasons", ())),

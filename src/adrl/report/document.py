@@ -212,6 +212,7 @@ def _replay(trace: Trace, first: RobotConfig, worlds: _Worlds) -> dict[str, Any]
         "goal": numbers(trace.goal),
         "goal_tolerance_m": trace.goal_tolerance_m,
         "path": numbers(trace.path, 4),
+        "later_paths": _later(trace),
         "time_s": numbers(trace.time_s[frames]),
         "pose": packed(np.column_stack([trace.pose[frames, :2], np.unwrap(trace.pose[frames, 2])])),
         "waypoint": packed(trace.waypoint[frames]),
@@ -224,6 +225,15 @@ def _replay(trace: Trace, first: RobotConfig, worlds: _Worlds) -> dict[str, Any]
         "held": None if trace.reasons is None else _held(trace),
         "ranges": packed(np.minimum(ranges, robot.lidar.max_range_m), robot.lidar.max_range_m),
     }
+
+
+def _later(trace: Trace) -> list[list[Any]]:
+    """[from which time on, in s; the path, x and y in turn], one after the other, of what replaced the first path."""
+    since = trace.later_paths[:, 0]
+    return [
+        [numbers(trace.time_s[int(state)])[0], numbers(trace.later_paths[since == state, 1:], 4)]
+        for state in np.unique(since)
+    ]
 
 
 def _held(trace: Trace) -> list[list[Any]]:

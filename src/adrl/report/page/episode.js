@@ -73,7 +73,7 @@ function momentOf(evaluation, replay, { time, from = 0 }) {
     trail: Array.from({ length: frame + 1 - first }, (_, i) => at(first + i)),
     goal: replay.goal,
     tolerance: replay.goal_tolerance_m,
-    path: groups(replay.path, 2),
+    path: groups(replay.later_paths.findLast(([since]) => since <= time + 1e-6)?.[1] ?? replay.path, 2),
     waypoint: [waypoint(frame, 0), waypoint(frame, 1)],
     scan: { pose: at(frame), ranges: (k) => ranges(frame, k) },
     map: null,
