@@ -4,6 +4,9 @@ import numpy as np
 
 from adrl.types import Array
 
+FADES = 0.98
+"""f below: what is left of the sums at each measurement."""
+
 
 class Evidence:
     """How much better than the belief each alternative has explained what has been measured of late.
@@ -13,10 +16,8 @@ class Evidence:
     measurements that tell the two not apart leave it to fade.
     """
 
-    def __init__(
-        self, alternatives: int, *, slack: float, most: float, enough: float, fades: float = 0.98
-    ) -> None:
-        self._slack, self._most, self._enough, self._fades = slack, most, enough, fades
+    def __init__(self, alternatives: int, *, slack: float, most: float, enough: float) -> None:
+        self._slack, self._most, self._enough = slack, most, enough
         self.sums: Array = np.zeros(alternatives)
 
     def forget(self) -> None:
@@ -27,6 +28,6 @@ class Evidence:
         """Misfits of one measurement, (A,) those of the alternatives; the number of the alternative that has to be
         believed from now on, None for none."""
         better = np.minimum(belief - alternatives, self._most)
-        self.sums = np.maximum(0.0, self._fades * self.sums + better - self._slack)
+        self.sums = np.maximum(0.0, FADES * self.sums + better - self._slack)
         best = int(self.sums.argmax())
         return best if self.sums[best] > self._enough else None

@@ -18,6 +18,8 @@ from adrl.types import SPLITS, Array, RobotConfig, Scenario, Task, World
 GOAL_TOLERANCE_M = 0.3
 COARSE = 4
 """Cells to a side of the blocks on which path lengths are estimated."""
+WORLDS = 50
+"""Drawn for a task at most."""
 Range = tuple[float, float]
 
 
@@ -145,14 +147,13 @@ def draw_in_new_world(
     path_range_m: Range,
     straight_range_m: Range,
     limit_m: float = 0.0,
-    worlds: int = 50,
 ) -> tuple[Task, FreeSpace]:
     """Draw worlds until one has a task in it, and return it with the free space of its world.
 
     limit_m: see planning_grid. Raises TaskError when no world has a task.
     """
     reason = ""
-    for _ in range(worlds):
+    for _ in range(WORLDS):
         world = scenario.generate(rng, robot)
         space = free_space(planning_grid(world, max(limit_m, clearance_limit_m(robot))), robot)
         try:
@@ -169,7 +170,7 @@ def draw_in_new_world(
             reason = str(error)
         else:
             return task, space
-    raise TaskError(f"scenario {scenario.name!r}: none of {worlds} worlds had a task: {reason}")
+    raise TaskError(f"scenario {scenario.name!r}: none of {WORLDS} worlds had a task: {reason}")
 
 
 def task_set(scenario: Scenario, robot: RobotConfig, split: str, count: int, first: int = 0) -> list[Task]:

@@ -105,7 +105,7 @@ COLD_SEED = 0
 COLD = 12
 
 
-def cold_jackals(seed: int = COLD_SEED) -> tuple[SkidSteer, ...]:
+def cold_jackals() -> tuple[SkidSteer, ...]:
     """Twelve Jackals as they may come from a workshop; neither policy nor controller is told.
 
     Each number is drawn evenly: wheels 5 % larger or smaller, and those of each side another 1.5 % by themselves;
@@ -113,7 +113,7 @@ def cold_jackals(seed: int = COLD_SEED) -> tuple[SkidSteer, ...]:
     of mass up to 4 cm off lengthwise and 2 cm across; friction 0.35 to 0.9; commands up to 0.1 s late; the LiDAR up to
     2 cm and 2 degrees off.
     """
-    streams = np.random.SeedSequence(seed).spawn(COLD)
+    streams = np.random.SeedSequence(COLD_SEED).spawn(COLD)
     return tuple(_drawn(f"cold-{i}", np.random.default_rng(stream)) for i, stream in enumerate(streams))
 
 
