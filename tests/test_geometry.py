@@ -16,6 +16,7 @@ from adrl.geometry import (
     in_world_frame,
     inverse,
     lies_within,
+    nearest_on_segments,
     part_way,
     relative,
     yaw_of,
@@ -44,8 +45,23 @@ def test_arrays_of_poses_are_as_single_ones(a: Pose, b: Pose) -> None:
     assert np.abs(in_robot_frame(np.array(a), there) - second[:, :2]).max() < 1e-9
 
 
+PLACES = st.tuples(st.floats(-50, 50), st.floats(-50, 50))
+
+
+@given(start=PLACES, end=PLACES, point=PLACES, share=st.floats(0, 1))
+def test_no_point_of_a_segment_is_nearer_than_the_nearest(
+    start: tuple[float, float], end: tuple[float, float], point: tuple[float, float], share: float
+) -> None:
+    a, b = np.array(start), np.array(end)
+    found = nearest_on_segments(a, b, np.array(point))
+    assert math.dist(found, point) <= math.dist(a + share * (b - a), point) + 1e-5
+    assert math.dist(a, found) + math.dist(found, b) == pytest.approx(math.dist(a, b), abs=1e-9)
+    rows = nearest_on_segments(np.array([a, b]), np.array([b, a]), np.array(point))
+    assert np.abs(rows - found).max() < 1e-5
+
+
 @given(
-    angles=st.lists(st.floats(0, 6.28), min_size=3, max_size=12, unique=True),
+    angles=st.lists(st.floats(0, 6.28), min_size=3, max_size=12, unique_by=lambda angle: round(angle, 3)),
     shares=st.lists(st.floats(0.01, 1), min_size=12, max_size=12),
 )
 def test_a_mean_of_all_corners_lies_within_and_a_corner_or_what_is_beyond_does_not(

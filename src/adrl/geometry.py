@@ -72,6 +72,13 @@ def composed(a: Array, b: Array) -> Array:
     return np.concatenate([in_world_frame(a, b[..., :2]), wrapped(a[..., 2:] + b[..., 2:])], axis=-1)
 
 
+def nearest_on_segments(start: Array, end: Array, points: Array) -> Array:
+    """(..., 2) the point of each segment from start to end that is nearest to points (..., 2)."""
+    way = end - start
+    share = ((points - start) * way).sum(axis=-1) / np.maximum((way * way).sum(axis=-1), 1e-12)
+    return start + np.clip(share, 0.0, 1.0)[..., None] * way
+
+
 def lies_within(corners: Array, points: Array) -> NDArray[np.bool_]:
     """(V, 2) a convex polygon, counter-clockwise; (..., 2) points -> (...) which lie in it, its edge left out."""
     within = np.ones(points.shape[:-1], dtype=np.bool_)

@@ -35,15 +35,14 @@ from adrl.deploy.recovery import WAY_M, Recovery
 from adrl.deploy.scan_reader import ScanReader
 from adrl.deploy.supervisor import CAUTIONS, DEFAULT, Supervisor, SupervisorConfig
 from adrl.errors import ConfigError, PlanningError
+from adrl.geometry import nearest_on_segments
 from adrl.observation import Encoder, ObservationEncoder, in_robot_frame, needs_path, to_action, to_twist
 from adrl.observation.motion import ScanHistory
 from adrl.planning.replanner import Replanner
-from adrl.types import Array, Policy, RobotConfig, World
+from adrl.types import GOAL_TOLERANCE_M, Array, Policy, RobotConfig, World
 
 LOG = logging.getLogger("adrl.deploy")
 
-GOAL_TOLERANCE_M = 0.3
-"""Distance to the goal at which it is reached, as in training."""
 YAW_TOLERANCE_RAD = 0.25
 """Of the heading that a goal asks for; Nav2's."""
 PATH = "path"
@@ -394,9 +393,7 @@ class Navigator:
         if self._last is not None and not self._interrupted:
             last = np.array(self._last[0][:2])
             before = last if math.dist(last, here) <= drivable_m(self.robot, self._last[1], now_s) else here
-        way = here - before
-        share = np.clip((there - before) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
-        return float(np.hypot(*(before + share * way - there))) < self.goal_tolerance_m
+        return math.dist(nearest_on_segments(before, here, there), there) < self.goal_tolerance_m
 
     def _remember(self, view: View) -> None:
         if self._history is None:

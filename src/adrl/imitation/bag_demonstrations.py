@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from adrl.deploy.navigator import GOAL_TOLERANCE_M
 from adrl.errors import ConfigError, DatasetError
+from adrl.geometry import nearest_on_segments
 from adrl.imitation.bag_recording import BagTopics, Recording, read_recording
 from adrl.imitation.demonstrations import Demonstrations
 from adrl.observation import EncoderConfig, ObservationEncoder, in_robot_frame, to_action
@@ -19,7 +19,7 @@ from adrl.observation.motion import ScanHistory
 from adrl.observation.path_ahead import PATH_POINTS_M
 from adrl.rewards import RewardConfig, Step, features, terms
 from adrl.rewards.terms import STAGNATION_WINDOW
-from adrl.types import Array, RobotConfig
+from adrl.types import GOAL_TOLERANCE_M, Array, RobotConfig
 
 F32 = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -124,7 +124,10 @@ def _drives(recording: Recording, robot: RobotConfig, tolerance_m: float) -> lis
         else:
             continue
         places = recording.pose[first : last + 1, :2] - goal
-        near = np.flatnonzero(_nearest(places[:-1], places[1:]) < tolerance_m)
+        nearest = nearest_on_segments(
+            places[:-1], places[1:], np.zeros(2)
+        )  # its disc may be crossed in a step
+        near = np.flatnonzero(np.hypot(*nearest.T) < tolerance_m)
         if len(near) > 0:
             last = first + int(near[0]) + 1
             goal = goal[: last + 1 - first]
@@ -158,13 +161,6 @@ def _runs(wanted: Mask, label: NDArray[np.generic]) -> list[tuple[int, int]]:
     changes = np.flatnonzero((np.diff(wanted.astype(np.int8)) != 0) | (np.diff(label) != 0)) + 1
     edges = [0, *changes.tolist(), len(wanted)]
     return [(a, b) for a, b in pairwise(edges) if b > a and wanted[a]]
-
-
-def _nearest(before: Array, after: Array) -> Array:
-    """(T,) distance from the origin to the line between two points (T, 2): a goal's disc may be crossed in a step."""
-    way = after - before
-    share = -(before * way).sum(axis=1) / np.maximum((way * way).sum(axis=1), 1e-12)
-    return np.hypot(*(before + np.clip(share, 0.0, 1.0)[:, None] * way).T)
 
 
 def _demonstrations(

@@ -21,8 +21,8 @@ from adrl.json_files import read_json
 from adrl.registry import look_up
 from adrl.regret.cells import CELLS
 from adrl.regret.numbers import Array, Scores
-from adrl.types import RobotConfig
-from adrl.worlds.tasks import GOAL_TOLERANCE_M, time_limit_s
+from adrl.types import GOAL_TOLERANCE_M, RobotConfig
+from adrl.worlds.tasks import time_limit_s
 
 LOG = logging.getLogger("adrl.regret")
 METHODS = (

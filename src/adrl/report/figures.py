@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from adrl import files
 from adrl.report.metrics_log import read_metrics
-from adrl.types import OccupancyGrid, World
+from adrl.types import GOAL_TOLERANCE_M, OccupancyGrid, World
 
 Array = NDArray[np.float64]
 
@@ -110,7 +110,7 @@ class RoutePanel:
     start: tuple[float, float, float]
     """(x, y, yaw)."""
     goal: tuple[float, float]
-    goal_tolerance_m: float = 0.3
+    goal_tolerance_m: float = GOAL_TOLERANCE_M
     path: Array | None = None
     """(P, 2) the planner's path."""
     trajectories: Mapping[str, Array] = field(default_factory=dict)

@@ -7,12 +7,13 @@ from adrl.types.polygons import outline
 from adrl.types.protocols import ACTION_SIZE, GUIDANCE, SPLITS, Policy, Scenario
 from adrl.types.robots import BEYOND_SPEED, SLIP_M, LidarConfig, RobotConfig, RobotRows
 from adrl.types.saved import with_defaults, without_constants
-from adrl.types.worlds import OccupancyGrid, Task, World, disc_centres
+from adrl.types.worlds import GOAL_TOLERANCE_M, OccupancyGrid, Task, World, disc_centres
 
 __all__ = [
     "ACTION_SIZE",
     "BEYOND_SPEED",
     "FORMS",
+    "GOAL_TOLERANCE_M",
     "GUIDANCE",
     "MOST_PEOPLE",
     "NOBODY",

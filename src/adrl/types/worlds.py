@@ -13,6 +13,9 @@ from adrl.types.base import HasNative, require
 from adrl.types.people import MOST_PEOPLE, NOBODY, People
 from adrl.types.polygons import require_convex
 
+GOAL_TOLERANCE_M = 0.3
+"""Distance to the goal at which it is reached, in training and on a robot; benchmarks have their own."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class OccupancyGrid:
@@ -125,7 +128,7 @@ class Task(HasNative):
     shortest_m: float
     """Length of the shortest feasible path of the inflated footprint: the reference of optimality and SPL."""
     time_limit_s: float
-    goal_tolerance_m: float = 0.3
+    goal_tolerance_m: float = GOAL_TOLERANCE_M
     people: People = NOBODY
     """Who walks about. Where they are is the episode's own."""
 

@@ -9,7 +9,7 @@ from adrl.errors import AdrlError, ConfigError
 from adrl.imitation.bag_recording import BagTopics, Recording, read_recording
 from adrl.report.document import robot_shape, shown_beams
 from adrl.report.encode import numbers, world_content
-from adrl.types import Array, RobotConfig, World
+from adrl.types import GOAL_TOLERANCE_M, Array, RobotConfig, World
 from adrl.view import messages
 from adrl.view.messages import Message
 from adrl.view.pace import Pace
@@ -102,7 +102,7 @@ class Replay:
             "legs": [],
             "time_s": round(float(recording.times_s[i] - begin_s), 3),
             "goal": goal,
-            "tolerance": 0.3,
+            "tolerance": GOAL_TOLERANCE_M,
             "path": [],
             "waypoint": None,
             "plan": [],

@@ -11,14 +11,13 @@ from adrl.errors import ConfigError
 from adrl.integrations.ros.watch import Sight, Watch
 from adrl.report.document import robot_shape, shown_beams
 from adrl.report.encode import numbers, own_map, world_content
-from adrl.types import RobotConfig, World
+from adrl.types import GOAL_TOLERANCE_M, RobotConfig, World
 from adrl.view.drive import MAP_EVERY
 from adrl.view.lane import KEPT, STANDING
 from adrl.view.messages import Message
 
 GROUND_M = 4.0
 """Shown about the robot and its goal; the ground that is shown grows by so much."""
-TOLERANCE_M = 0.3
 
 
 class Robot:
@@ -88,7 +87,7 @@ class Robot:
             "legs": [],
             "time_s": round(sight.since_s, 3),
             "goal": None if sight.goal is None else list(sight.goal),
-            "tolerance": TOLERANCE_M,
+            "tolerance": GOAL_TOLERANCE_M,
             "path": [],
             "waypoint": None if sight.waypoint is None else numbers(sight.waypoint),
             "plan": numbers(sight.plan) if len(sight.plan) > 1 else [],

@@ -6,9 +6,9 @@ import numpy as np
 
 from adrl.errors import TaskError
 from adrl.planning.grid import PlanningGrid, clearance_limit_m, free_space, planning_grid
-from adrl.types import RobotConfig, Task, World
+from adrl.types import GOAL_TOLERANCE_M, RobotConfig, Task, World
 from adrl.worlds.inside import inside
-from adrl.worlds.tasks import GOAL_TOLERANCE_M, TaskSpace, draw_task, task_space
+from adrl.worlds.tasks import TaskSpace, draw_task, task_space
 
 LOG = logging.getLogger("adrl.worlds")
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from adrl.geometry import lies_within
 from adrl.planning.grid import PlanningGrid
-from adrl.types import Array, World
-from adrl.worlds.tasks import GOAL_TOLERANCE_M, TaskSpace
+from adrl.types import GOAL_TOLERANCE_M, Array, World
+from adrl.worlds.tasks import TaskSpace
 
 OUTBUILDING = 0.1
 """Enclosed regions below this share of the open ground are sheds and hollow things, not what a robot drives in."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from adrl.errors import ConfigError, FileError, MapError, MissingExtra, brief
 from adrl.files import read_bytes
 from adrl.types import Array, OccupancyGrid, World
+from adrl.worlds.shapes import place
 
 LOG = logging.getLogger("adrl.worlds")
 Unknown = Literal["solid", "free"]
@@ -68,10 +69,8 @@ def load_map(path: str | os.PathLike[str], unknown: Unknown = "solid") -> World:
     """
     grid = load_grid(path, unknown)
     height, width = grid.solid.shape
-    x, y, yaw = grid.origin
     corners = np.array([(0, 0), (width, 0), (width, height), (0, height)]) * grid.resolution_m
-    rotation = np.array([(math.cos(yaw), math.sin(yaw)), (-math.sin(yaw), math.cos(yaw))])
-    corners = corners @ rotation + (x, y)
+    corners = place(corners, *grid.origin)
     (x_min, y_min), (x_max, y_max) = corners.min(axis=0), corners.max(axis=0)
     return World(bounds=(float(x_min), float(y_min), float(x_max), float(y_max)), grid=grid)
 

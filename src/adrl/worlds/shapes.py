@@ -15,6 +15,7 @@ def box(x_m: float, y_m: float, length_m: float, width_m: float, yaw_rad: float 
 
 def place(points: Array, x_m: float, y_m: float, yaw_rad: float) -> Array:
     """(P, 2) points of a frame at (x, y, yaw) -> the same points in the world."""
+    # Not geometry.in_world_frame, which rounds otherwise: drawn worlds would differ from before in their last bits.
     c, s = math.cos(yaw_rad), math.sin(yaw_rad)
     return points @ np.array([(c, s), (-s, c)]) + (x_m, y_m)
 

@@ -13,9 +13,8 @@ from adrl import _core
 from adrl.errors import ConfigError, NoPath, TaskError, UnknownName
 from adrl.planning.global_planner import Cell, grid_path, length_m, plan, shorten
 from adrl.planning.grid import FreeSpace, clearance_limit_m, free_space, planning_grid
-from adrl.types import SPLITS, Array, RobotConfig, Scenario, Task, World
+from adrl.types import GOAL_TOLERANCE_M, SPLITS, Array, RobotConfig, Scenario, Task, World
 
-GOAL_TOLERANCE_M = 0.3
 COARSE = 4
 """Cells to a side of the blocks on which path lengths are estimated."""
 WORLDS = 50
@@ -223,7 +222,6 @@ def _task(world: World, start: tuple[float, float, float], path: Array, robot: R
         path=path,
         shortest_m=shortest_m,
         time_limit_s=time_limit_s(shortest_m, robot),
-        goal_tolerance_m=GOAL_TOLERANCE_M,
     )
 
 

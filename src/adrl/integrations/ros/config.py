@@ -16,6 +16,7 @@ from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import DEFAULT
 from adrl.errors import ConfigError
 from adrl.simulators import NATIVE, find_simulator
+from adrl.types import GOAL_TOLERANCE_M
 from adrl.worlds import load_map, load_robot
 from adrl.worlds.place import Place
 from adrl.worlds.ros_map import Unknown
@@ -127,7 +128,7 @@ class DriveConfig(RuntimeConfig):
     odometry's; or the odometry, if its frame is the map's."""
     stamped: bool = False
     """Commands are TwistStamped instead of Twist."""
-    goal_tolerance_m: float = 0.3
+    goal_tolerance_m: float = GOAL_TOLERANCE_M
     """Distance to the goal at which it is reached, m."""
     goal_yaw: bool = False
     """Turn to the goal's heading on arrival."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from adrl.geometry import nearest_on_segments
 from adrl.types import Array, World
 
 
@@ -38,6 +39,4 @@ def _on_circles(circles: Array, place: Array) -> Array:
 
 def _on_segments(segments: Array, place: Array) -> Array:
     """(M, 2) the point of each segment that is nearest."""
-    start, way = segments[:, :2], segments[:, 2:] - segments[:, :2]
-    share = ((place - start) * way).sum(axis=1) / np.maximum((way * way).sum(axis=1), 1e-12)
-    return start + np.clip(share, 0.0, 1.0)[:, None] * way
+    return nearest_on_segments(segments[:, :2], segments[:, 2:], place)
