@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from safetensors.numpy import load_file, save_file
 
+from adrl.commands.train import _demonstrator
+from adrl.errors import CheckpointError
 from map_files import write_map
 from refusals import Adrl
 from small_run import TRAIN, finished_run, run_cli
@@ -242,6 +244,15 @@ class TestPolicies:
     def test_damaged(self, adrl: Adrl, run: Path, damage: Callable[[Path], None], file: str) -> None:
         damage(run)
         adrl.refuses("evaluate", "--policy", run, "--episodes", 2, "--out", "new", says=(file,))
+
+    def test_versions_of_a_trained_run_are_not_needed(self, tmp_path: Path) -> None:
+        """What is damaged is named, after the policy is there."""
+        path = tmp_path / "versions.json"
+        path.write_text('{"planner": 3}')
+        with pytest.raises(CheckpointError, match=r"versions\.json .*the policy is trained"):
+            _demonstrator(tmp_path)
+        path.unlink()
+        assert _demonstrator(tmp_path) is None
 
     def test_missing_folder(self, adrl: Adrl) -> None:
         adrl.refuses("evaluate", "--policy", "runs/gone", says=("runs/gone", "no such folder", "give"))

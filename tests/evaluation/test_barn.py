@@ -114,6 +114,18 @@ def test_kept_parts_are_read_again_trial_by_trial_and_not_under_other_settings(
         kept.has("a")
 
 
+def test_settings_that_are_damaged_are_named_with_what_to_do(tmp_path: Path) -> None:
+    file = tmp_path / "asked.json"
+    for content in ("{", "[]"):
+        file.write_text(content)
+        with (
+            pytest.raises(CheckpointError, match=r"asked\.json is .*give another folder"),
+            KeptEpisodes(tmp_path, {"seed": 0}),
+        ):
+            pass
+        assert [path.name for path in tmp_path.iterdir()] == [file.name], "no lock stays"
+
+
 def test_rows_are_means_over_trials_and_intervals_over_worlds(
     make_episodes: Callable[..., Episodes],
 ) -> None:

@@ -1,6 +1,7 @@
 """adrl train."""
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from adrl import extras
@@ -9,6 +10,7 @@ from adrl.cli import STARTED_S
 from adrl.commands.options import load_places, tell_guidance
 from adrl.commands.progress import console, progress_bar
 from adrl.commands.run_options import parse_run
+from adrl.errors import CheckpointError, FileError
 from adrl.json_files import read_json
 from adrl.outputs import require_folder
 from adrl.runs import RunConfig, train
@@ -54,11 +56,24 @@ def main(arguments: Sequence[str]) -> int:
     scores = result.policy.config.extra.get("validated")
     if scores is not None:
         console().print(_kept(scores))
-    planner = read_json(result.folder / VERSIONS_FILE, dict[str, str]).get(PLANNER)
+    planner = _demonstrator(result.folder)
     if planner is not None:
         console().print(f"demonstrated by {planner}")
     print(result.folder)
     return 0
+
+
+def _demonstrator(run: Path) -> str | None:
+    """Which planner demonstrated, where the run says so. Raises CheckpointError."""
+    path = run / VERSIONS_FILE
+    if not path.exists():
+        return None
+    try:
+        return read_json(path, dict[str, str]).get(PLANNER)
+    except FileError as error:
+        raise CheckpointError(
+            f"{path} {error}; the policy is trained and does not need it: delete the file"
+        ) from None
 
 
 def _kept(scores: Mapping[str, Mapping[str, float]]) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from adrl import files
-from adrl.errors import ConfigError
+from adrl.errors import CheckpointError, ConfigError, FileError
 from adrl.evaluation.metrics import Episodes
 from adrl.evaluation.results import read_episodes, write_episodes
 from adrl.json_files import read_json
@@ -20,7 +20,11 @@ ASKED_FILE, PARTS_FOLDER = "asked.json", "parts"
 
 
 class KeptEpisodes:
-    """Parts of an evaluation by name, in a folder, or in memory where that is None. A context, which locks it."""
+    """Parts of an evaluation by name, in a folder, or in memory where that is None.
+
+    A context, which locks it. Entering raises ConfigError for a folder of other settings, CheckpointError for one that
+    is damaged.
+    """
 
     def __init__(self, folder: str | os.PathLike[str] | None, asked: Mapping[str, Any]) -> None:
         """asked: what the parts depend on; parts of other settings are not gone on with. Raises ConfigError."""
@@ -49,7 +53,12 @@ class KeptEpisodes:
         if not file.exists():
             files.write_json(file, self._asked)
             return
-        before = read_json(file, dict[str, Any])
+        try:
+            before = read_json(file, dict[str, Any])
+        except FileError as error:
+            raise CheckpointError(
+                f"{file} {error}; these are not the settings of an evaluation: give another folder"
+            ) from None
         other = sorted(name for name in {*before, *self._asked} if before.get(name) != self._asked.get(name))
         if other:
             raise ConfigError(
