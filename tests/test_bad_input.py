@@ -34,6 +34,26 @@ class TestNames:
     ) -> None:
         adrl.refuses(*arguments, says=says)
 
+    @pytest.mark.parametrize(
+        "arguments",
+        [
+            ("train", "--steps", 64, "--scenario"),
+            ("train", "--steps", 64, "--guidance"),
+            ("train", "--steps", 64, "--teachers"),
+            ("evaluate", "--policy", "astar-dwa", "--scenario"),
+            ("compare", "--steps", 64, "--scenario"),
+            ("compare", "--steps", 64, "--guidance"),
+            ("compare", "--steps", 64, "--eval-guidance"),
+            ("compare", "--steps", 64, "--policies"),
+            ("compare", "--steps", 64, "--teachers"),
+            ("regret", "--quick", "--out", "new", "--cells"),
+            ("reproduce", "--quick", "--out", "new", "--places"),
+        ],
+    )
+    def test_a_text_that_names_none_is_refused(self, adrl: Adrl, arguments: tuple[object, ...]) -> None:
+        name = str(arguments[-1]).removeprefix("--").replace("-", "_")
+        adrl.refuses(*arguments, ",", says=(f"{name} is ','", "give names with commas between"))
+
 
 class TestNumbers:
     @pytest.mark.parametrize(

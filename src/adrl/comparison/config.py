@@ -21,7 +21,7 @@ from adrl.evaluation.evaluate import EPISODES
 from adrl.evaluation.family import ROBOTS, TASKS
 from adrl.imitation.experts import PERFECT, find_expert
 from adrl.imitation.teachers import Teacher
-from adrl.registry import listed, listed_option, look_up
+from adrl.registry import listed_option, look_up
 from adrl.runs import RunConfig
 from adrl.simulators import NATIVE
 from adrl.types import GUIDANCE, RobotConfig
@@ -130,9 +130,8 @@ class CompareConfig(RunConfig):
     @property
     def policy_names(self) -> tuple[str, ...]:
         """The policies that are evaluated only, each once, as they were given: the planner first."""
-        return tuple(
-            dict.fromkeys([PLANNER, *(name.strip() for name in self.policies.split(",") if name.strip())])
-        )
+        others = listed_option("policies", self.policies) if self.policies else ()
+        return tuple(dict.fromkeys([PLANNER, *others]))
 
     @cached_property
     def driven(self) -> RobotConfig | RobotFamily:
@@ -187,7 +186,8 @@ class CompareConfig(RunConfig):
         content = self.document()
         content["expert"] = str(find_expert(self.expert))
         if self.teachers:  # by their weights: a run's may change
-            content["teachers"] = [Teacher.of(one).policy.fingerprint for one in listed(self.teachers)]
+            named = listed_option("teachers", self.teachers)
+            content["teachers"] = [Teacher.of(one).policy.fingerprint for one in named]
         for name in NOT_SHARED:
             del content[name]
         del content["learner"]["seed"]

@@ -18,7 +18,7 @@ from adrl.comparison.jobs import Job, all_jobs, is_finished
 from adrl.comparison.results import outcomes
 from adrl.errors import CheckpointError, FileError, UnknownName
 from adrl.json_files import read_json
-from adrl.registry import look_up
+from adrl.registry import listed_option, look_up
 from adrl.regret.cells import CELLS
 from adrl.regret.numbers import Array, Scores
 from adrl.types import GOAL_TOLERANCE_M, RobotConfig
@@ -65,9 +65,10 @@ def preset(
 ) -> dict[str, CompareConfig]:
     """cell -> its comparison. cells, methods: names with commas between; all cells and METHODS when left out.
 
-    quick: every cell with QUICK_STEPS and few tasks, which shows that everything works. Raises UnknownName.
+    quick: every cell with QUICK_STEPS and few tasks, which shows that everything works. Raises UnknownName,
+    and ConfigError for a text that names none.
     """
-    names = list(dict.fromkeys(name.strip() for name in cells.split(",") if name.strip())) or list(CELLS)
+    names = listed_option("cells", cells) if cells else tuple(CELLS)
     chosen = [look_up("cell", name, CELLS) for name in names]
     comparisons = {
         cell.name: cell.comparison(methods or ",".join(METHODS), seeds, Path(out)) for cell in chosen

@@ -5,7 +5,7 @@ from dataclasses import replace
 from adrl.agents.config import TrainConfig
 from adrl.comparison.config import CompareConfig
 from adrl.errors import ConfigError
-from adrl.registry import look_up
+from adrl.registry import listed_option, look_up
 from adrl.reproduction.reported import CLASSICAL, METHODS
 from adrl.simulators import NATIVE
 
@@ -71,9 +71,9 @@ def chosen(places: str, comparisons: dict[str, CompareConfig]) -> dict[str, Comp
     """The comparisons of these places, names with commas between; all of them where none is named.
 
     Of those not named, the ones whose simulator is not set up here are left out. Raises UnknownName, and ConfigError
-    for one that is named.
+    for one that is named, or where a text names none.
     """
-    names = list(dict.fromkeys(name.strip() for name in places.split(",") if name.strip()))
+    names = listed_option("places", places) if places else ()
     for name in names:
         look_up("place", name, comparisons)
     if not names:

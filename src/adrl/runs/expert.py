@@ -8,7 +8,7 @@ from adrl.deploy.training_worlds import training_worlds
 from adrl.errors import ConfigError
 from adrl.imitation import Expert, find_expert
 from adrl.imitation.teachers import Taught, Teacher, tasks_of
-from adrl.registry import listed
+from adrl.registry import listed_option
 from adrl.runs.config import RunConfig
 from adrl.types import RobotConfig, Scenario
 from adrl.worlds import RobotFamily
@@ -31,7 +31,7 @@ def expert_of(
     if getattr(expert, "drives", None) is not None:
         raise ConfigError(f"expert {expert} shows no more than its drives, and teachers would; leave one out")
     teachers = []
-    for name in listed(config.teachers):
+    for name in listed_option("teachers", config.teachers):
         teacher = Teacher.of(name)
         for wrong in _unfit(teacher, config, scenarios, robot, taken_as):
             raise ConfigError(f"teacher {name!r} {wrong}")
