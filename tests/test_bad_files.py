@@ -144,6 +144,14 @@ class TestOwnTask:
         says = ("--start and --goal go together",)
         adrl.refuses("evaluate", "--policy", "astar-dwa", "--map", "map.yaml", *half, says=says)
 
+    @pytest.mark.parametrize("idle", [("--episodes", 3), ("--split", "train")])
+    def test_they_are_no_task_of_a_split(self, adrl: Adrl, idle: tuple[object, ...]) -> None:
+        write_map(adrl.folder, hall())
+        task = ("--start", 1.0, 1.0, 0.0, "--goal", 1.0, 5.0)
+        adrl.refuses(
+            "evaluate", "--policy", "astar-dwa", "--map", "map.yaml", *task, *idle, says=(str(idle[0]),)
+        )
+
     def test_a_scenario_has_no_place_for_them(self, adrl: Adrl) -> None:
         task = ("--start", 1.0, 1.0, 0.0, "--goal", 1.0, 5.0)
         adrl.refuses("evaluate", "--policy", "astar-dwa", *task, says=("--map", "--world", "clutter"))

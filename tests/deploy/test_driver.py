@@ -391,6 +391,12 @@ def test_points_that_tf_places_have_no_mount() -> None:
         DriveConfig(heights=(0.1, 0.5), localisation="tf", mount=(0.2, 0.0, 0.0))
 
 
+def test_unknown_cells_are_those_of_a_map() -> None:
+    with pytest.raises(ConfigError, match="unknown is 'free' without map"):
+        DriveConfig(unknown="free")
+    assert DriveConfig(unknown="free", map=Path("map.yaml")).unknown == "free"
+
+
 def test_a_slow_watchdog_makes_the_braking_check_keep_farther_away() -> None:
     """Whenever the node dies, the base drives on for so long: with a wall ahead it may not be fast that near."""
     nearest = []

@@ -1,12 +1,12 @@
 """adrl collect."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
 from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, POSE_TOPIC, SCAN_TOPIC
-from adrl.commands.options import load_place, parse, tell_guidance
+from adrl.commands.options import given, load_place, parse, refuse, tell_guidance
 from adrl.commands.progress import console
 from adrl.envs import NavVectorEnv
 from adrl.errors import ConfigError
@@ -97,17 +97,14 @@ def main(arguments: Sequence[str]) -> int:
 
 def _refuse_others(options: CollectOptions) -> None:
     """Raises ConfigError for an option that would do nothing."""
-    plain = CollectOptions(out=options.out)
-    for name in (option.name for option in fields(options)):
-        if name in OF_BOTH or getattr(options, name) == getattr(plain, name):
-            continue
-        option = "--" + name.replace("_", "-")
-        if not options.bag and name in OF_BAGS:
-            raise ConfigError(f"{option} is for bags; give --bag too")
-        if options.bag and name not in OF_BAGS:
-            raise ConfigError(
-                f"{option} is for the simulator, and --bag reads what was driven; leave one out"
-            )
+    if options.bag:
+        refuse(
+            options,
+            given(options).keys() - {*OF_BAGS, *OF_BOTH},
+            "is for the simulator, and --bag reads what was driven; leave one out",
+        )
+    else:
+        refuse(options, OF_BAGS, "is for bags; give --bag too")
 
 
 def _from_simulator(options: CollectOptions) -> int:

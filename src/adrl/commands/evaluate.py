@@ -7,7 +7,7 @@ from pathlib import Path
 
 from adrl import api
 from adrl.commands.drive_options import DrivesOptions
-from adrl.commands.options import as_words, load_place, parse, write_document
+from adrl.commands.options import as_words, load_place, parse, refuse, write_document
 from adrl.commands.progress import console, counting_bar
 from adrl.errors import ConfigError
 from adrl.evaluation.metrics import RATES
@@ -89,12 +89,12 @@ def main(arguments: Sequence[str]) -> int:
 
 def _over_robots(options: EvaluateOptions, place: Scenario, family: RobotFamily) -> int:
     """The same with many robots."""
-    for name in ("paper_literal", "start", "goal", "bag", "bag_tasks", "supervised"):
-        if getattr(options, name) not in (False, None, ()):
-            option = name.replace("_", "-")
-            raise ConfigError(
-                f"--{option} is for one robot, and {family.name} is a family; give one, as {options.robot}:test:0"
-            )
+    of_one = {"paper_literal", "start", "goal", "bag", "bag_tasks", "supervised"}
+    refuse(
+        options,
+        of_one,
+        f"is for one robot, and {family.name} is a family; give one, as {options.robot}:test:0",
+    )
     with counting_bar(f"evaluating {options.policy}", "episodes") as show:
         result = api.evaluate_family(
             options.policy,
@@ -158,6 +158,11 @@ def _own_task(options: EvaluateOptions) -> list[Task] | None:
         return None
     if options.start is None or options.goal is None:
         raise ConfigError("--start and --goal go together")
+    refuse(
+        options,
+        {"episodes", "split"},
+        "chooses among drawn tasks, and --start and --goal are one of your own; leave it out",
+    )
     scenario, robot = options.load(), options.driven_robot()
     place = scenario.place if isinstance(scenario, Peopled) else scenario
     if not isinstance(place, FixedWorld):

@@ -1,7 +1,7 @@
 """Parsing and showing, as all commands do it."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import fields
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -9,9 +9,11 @@ import tyro
 
 from adrl import files
 from adrl.commands.progress import console
-from adrl.errors import UnknownName
+from adrl.errors import ConfigError, UnknownName
 
 if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
     from adrl.types import Scenario
     from adrl.worlds.place import Place
 
@@ -30,17 +32,36 @@ def parse(options: type[Options], arguments: Sequence[str], command: str, descri
     )
 
 
-def as_words(options: Any, names: Iterable[str]) -> list[str]:
-    """Options as they are typed, those of the given fields that differ from their defaults."""
-    words: list[str] = []
+def given(options: "DataclassInstance") -> dict[str, Any]:
+    """The options that are not as they are when left out, in their order: name -> value."""
+    found = {}
     for option in fields(options):
+        default = option.default if option.default_factory is MISSING else option.default_factory()
         value = getattr(options, option.name)
-        if option.name not in names or value == option.default:
-            continue
-        flag = f"--{option.name.replace('_', '-')}"
-        values = value if isinstance(value, tuple) else (value,)
-        words += [flag] if value is True else [flag, *map(str, values)]
+        if value != default:
+            found[option.name] = value
+    return found
+
+
+def as_words(options: "DataclassInstance", names: Collection[str]) -> list[str]:
+    """Those of the named options that are given, as they are typed."""
+    words: list[str] = []
+    for name, value in given(options).items():
+        if name in names:
+            values = value if isinstance(value, tuple) else (value,)
+            words += [_flag(name)] if value is True else [_flag(name), *map(str, values)]
     return words
+
+
+def refuse(options: "DataclassInstance", names: Collection[str], why: str) -> None:
+    """These options would do nothing. why: goes on from the option. Raises ConfigError for the first that is given."""
+    for name in given(options):
+        if name in names:
+            raise ConfigError(f"{_flag(name)} {why}")
+
+
+def _flag(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def subcommand(

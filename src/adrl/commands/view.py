@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,7 +10,7 @@ import tyro
 
 from adrl.agents import checkpoint
 from adrl.bags.reader import COMMAND_TOPIC, ODOMETRY_TOPIC, SCAN_TOPIC
-from adrl.commands.options import load_place, parse
+from adrl.commands.options import given, load_place, parse, refuse
 from adrl.commands.progress import console
 from adrl.commands.ros2 import ROS_ARGUMENTS, split
 from adrl.deploy.policies import DEFAULT_ROBOT
@@ -28,6 +28,11 @@ from adrl.view.server import serve
 from adrl.view.show import Show
 from adrl.worlds import SCENARIOS, load_robot
 from adrl.worlds.place import Place
+
+OF_ALL = ("robot", "port", "token")
+"""Options that do something whatever is shown."""
+OF_PEOPLE = ("people", "people_share", "legs")
+OF_BAGS = {"scan_topic", "odometry_topic", "command_topic"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,9 +54,9 @@ class ViewOptions(Place):
     """Topic of its odometry."""
     command_topic: str = COMMAND_TOPIC
     """Topic of its commands."""
-    policy: tuple[str, ...] = (DEFAULT,)
-    """One or two that drive: a shipped policy (adrl list), a run folder, model.onnx, an SB3 model.zip, module:object of
-    your own, or 'by hand'."""
+    policy: tuple[str, ...] = ()
+    """One or two that drive, or one beside the run: a shipped policy (adrl list), a run folder, model.onnx, an SB3
+    model.zip, module:object of your own, or 'by hand'. Left out: the run's, or else default."""
     robot: str | None = None
     """A robot's name (adrl list) or a TOML file; the one the policy was trained on when left out."""
     guidance: Literal["goal", "replan", "map"] | None = None
@@ -88,6 +93,11 @@ def _robot(options: ViewOptions, ros_arguments: Sequence[str], while_shown: Exit
     """A robot that topics tell of. Raises AdrlError."""
     if options.run is not None or options.bag is not None:
         raise ConfigError("give one of a run, --bag and --ros2")
+    refuse(
+        options,
+        given(options).keys() - {"ros2", *OF_ALL},
+        "would do nothing: --ros2 shows what a robot's topics tell; leave it out",
+    )
     robot = load_robot(options.robot or DEFAULT_ROBOT)
     from adrl.integrations.ros2.watch import watching  # ROS 2 is not everywhere
     from adrl.view.robot import Robot
@@ -105,18 +115,18 @@ def _show(options: ViewOptions) -> Show:
     if options.follow and options.run is None:
         raise ConfigError("--follow watches a training run; give its folder: adrl view RUN --follow")
     if options.bag is not None:
-        if options.run is not None:
-            raise ConfigError("give a run or --bag, not both")
-        topics = BagTopics(
-            scan=options.scan_topic, odometry=options.odometry_topic, command=options.command_topic
-        )
-        return Replay(options.bag, load_robot(options.robot or DEFAULT_ROBOT), topics)
-    policies = options.policy
-    if options.run is not None:
-        policies = (str(options.run), *policies[1:])
+        return _replay(options, options.bag)
+    refuse(options, OF_BAGS, "is for bags; give --bag too")
+    if options.follow and options.policy:
+        raise ConfigError("--follow shows the run's newest policy, and --policy another; leave one out")
+    run = () if options.run is None else (str(options.run),)
+    policies = (*run, *options.policy) or (DEFAULT,)
     if not 1 <= len(policies) <= 2:
         raise ConfigError(f"{len(policies)} policies; give one, or two to drive side by side")
-    place = options if options.run is None or _names_a_place(options) else _place_of(options.run)
+    place = options
+    if options.run is not None and not _names_a_place(options):
+        people = {name: value for name, value in given(options).items() if name in OF_PEOPLE}
+        place = replace(_place_of(options.run), **people)
     load_place(place)
     text = next((str(path) for path in (place.map, place.world, place.barn) if path), None)
     text = text or str(place.scenario or "clutter")
@@ -138,6 +148,21 @@ def _show(options: ViewOptions) -> Show:
 
         return Training(options.run, offer, choice, options.out)
     return Drive(offer, choice, options.out)
+
+
+def _replay(options: ViewOptions, bag: Path) -> Replay:
+    """Raises AdrlError."""
+    if options.run is not None:
+        raise ConfigError("give a run or --bag, not both")
+    refuse(
+        options,
+        given(options).keys() - {"bag", *OF_BAGS, *OF_ALL},
+        "would do nothing: --bag shows what was recorded; leave it out",
+    )
+    topics = BagTopics(
+        scan=options.scan_topic, odometry=options.odometry_topic, command=options.command_topic
+    )
+    return Replay(bag, load_robot(options.robot or DEFAULT_ROBOT), topics)
 
 
 def _names_a_place(options: ViewOptions) -> bool:

@@ -135,6 +135,11 @@ class DriveConfig(RuntimeConfig):
     yaw_goal_tolerance: float = 0.25
     """Of that heading, rad."""
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.unknown != "solid" and self.map is None:
+            raise ConfigError(f"unknown is {self.unknown!r} without map; give map too")
+
     @property
     def source(self) -> Source:
         """See RuntimeConfig."""
