@@ -104,7 +104,10 @@ def test_kept_parts_are_read_again_trial_by_trial_and_not_under_other_settings(
         both = kept.by_trial(["a", "b"])
     expected = [parts[name].time_s[trial] for trial in range(3) for name in ("a", "b")]
     assert both.time_s.tolist() == expected
-    with pytest.raises(ConfigError, match="another seed"), KeptEpisodes(tmp_path / "out", {"seed": 1}):
+    with (
+        pytest.raises(ConfigError, match=r"other settings \(seed\)"),
+        KeptEpisodes(tmp_path / "out", {"seed": 1}),
+    ):
         pass
     (tmp_path / "out" / "parts" / "a.parquet").write_bytes(b"no table")
     with (

@@ -14,7 +14,6 @@ import pytest
 
 from adrl import _core
 from adrl.cli import main
-from adrl.commands.gazebo_barn import part_name
 from adrl.envs import NavSim
 from adrl.errors import ConfigError, WorldError
 from adrl.geometry import compose
@@ -224,6 +223,47 @@ def test_in_a_published_world_the_jackal_sees_the_cylinders_turns_by_skidding_an
             sim.reset(np.arange(1), [other], np.zeros(1, np.uint64), np.random.default_rng(0))
 
 
+def test_other_worlds_of_the_same_numbers_are_not_gone_on_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nor other physics, nor other ones held out; the same files elsewhere are the same worlds."""
+
+    def stop(*_: object, **__: object) -> None:
+        raise ConfigError("it drives")
+
+    monkeypatch.setattr("adrl.commands.gazebo_barn.Gazebo", stop)
+
+    def two_worlds(name: str, pose: str = "-4 8 0.5 0 0 0", physics: str = "") -> Path:
+        """Of a cylinder each."""
+        made = tmp_path / name
+        made.mkdir()
+        for number in (1, 2):
+            (made / f"world_{number}.world").write_text(
+                f"<sdf version='1.6'><world name='default'>{physics}<model name='m'><static>1</static>"
+                f"<pose>{pose}</pose><link name='link'><collision name='c'><geometry><cylinder><radius>0.075</radius>"
+                "<length>1</length></cylinder></geometry></collision></link></model></world></sdf>"
+            )
+            np.save(made / f"path_{number}.npy", np.array([(15, 0), (15, 29)]))
+        return made
+
+    def says(worlds: Path, *more: str) -> str:
+        command = ["gazebo", "barn", "--worlds", str(worlds), "--out", str(tmp_path / "out"), *more]
+        assert main(command) == 2
+        return " ".join(capsys.readouterr().err.split())
+
+    begun = two_worlds("begun")
+    assert "it drives" in says(begun)
+    assert "it drives" in says(two_worlds("copy"))
+    moved = two_worlds("moved", pose="-4 9 0.5 0 0 0")
+    slower = two_worlds(
+        "slower", physics="<physics type='ode'><max_step_size>0.002</max_step_size></physics>"
+    )
+    refused = "other settings (worlds); give another folder, or go on as it was begun"
+    assert refused in says(moved)
+    assert refused in says(slower)
+    assert refused in says(begun, "--held-out", "1")
+
+
 @pytest.mark.gazebo
 @pytest.mark.slow
 def test_a_stopped_benchmark_goes_on_and_does_not_mix_settings(
@@ -244,12 +284,3 @@ def test_a_stopped_benchmark_goes_on_and_does_not_mix_settings(
     assert main(command) == 0
     assert json.loads((out / "summary.json").read_text()) == first
     assert main([*command, "--seed", "1"]) == 2
-
-
-def test_runs_are_of_what_stands_in_a_world_and_not_of_its_number(world: BarnWorld) -> None:
-    same = replace(world, file=Path("elsewhere"))
-    other = replace(world, world=replace(world.world, circles=world.world.circles[:5]))
-    other_jackal = replace(JACKAL, name="another")
-    names = [part_name(j, w) for j, w in ((JACKAL, world), (JACKAL, other), (other_jackal, world))]
-    assert part_name(JACKAL, same) == names[0]
-    assert len(set(names)) == 3

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,7 @@ from adrl.evaluation.results import SCHEMA_VERSION, interval_entry, plain_table,
 from adrl.evaluation.statistics import clustered_rate
 from adrl.integrations.gazebo import Gazebo
 from adrl.integrations.gazebo.published import Published
-from adrl.integrations.gazebo.skid_steer import COLD_SEED, JACKAL, SkidSteer, cold_jackals
+from adrl.integrations.gazebo.skid_steer import COLD_SEED, JACKAL, cold_jackals
 from adrl.outputs import require_file
 from adrl.worlds import BarnScenario
 from adrl.worlds.barn import START, BarnWorld
@@ -73,11 +74,14 @@ def main(arguments: Sequence[str]) -> int:
     }
     pairs = [(world, jackal) for world in worlds for jackal in jackals]
     with (
-        KeptEpisodes(options.out, about | {"jackals": [jackal.numbers() for jackal in jackals]}) as kept,
+        KeptEpisodes(
+            options.out,
+            about | {"jackals": [jackal.numbers() for jackal in jackals], "worlds": _digest(worlds)},
+        ) as kept,
         counting_bar(f"driving {options.policy}", "runs") as show,
     ):
         for i, (world, jackal) in enumerate(pairs):
-            name = part_name(jackal, world)
+            name = f"{jackal.name}-world_{world.number}"
             if kept.has(name):
                 continue
             assert world.file is not None
@@ -99,7 +103,7 @@ def main(arguments: Sequence[str]) -> int:
         runs = {
             jackal: BarnRuns(
                 worlds=worlds,
-                episodes=kept.by_trial([part_name(jackal, world) for world in worlds]),
+                episodes=kept.by_trial([f"{jackal.name}-world_{world.number}" for world in worlds]),
                 trained_on=trained_on(policy, worlds),
             )
             for jackal in jackals
@@ -116,9 +120,14 @@ def main(arguments: Sequence[str]) -> int:
     return 0
 
 
-def part_name(jackal: SkidSteer, world: BarnWorld) -> str:
-    """Of the runs of one Jackal in one world: what stands in the world counts, not its number alone."""
-    return f"{jackal.name}-world_{world.number}-{fingerprint(world.world)}"
+def _digest(worlds: Sequence[BarnWorld]) -> str:
+    """Of what Gazebo opens, by number: the file, as its physics count too, and what stands there."""
+    parts = sha256()
+    for world in worlds:
+        assert world.file is not None
+        parts.update(f"{world.number} {fingerprint(world.world)} ".encode())
+        parts.update(sha256(world.file.read_bytes()).digest())
+    return parts.hexdigest()[:16]
 
 
 def _summary(runs: BarnRuns) -> dict[str, Any]:

@@ -62,7 +62,8 @@ class KeptEpisodes:
         other = sorted(name for name in {*before, *self._asked} if before.get(name) != self._asked.get(name))
         if other:
             raise ConfigError(
-                f"--out {file.parent} holds runs with another {other[0]}; give another folder, or go on as it was begun"
+                f"--out {file.parent} holds runs with other settings ({', '.join(other)}); give another folder, or go "
+                "on as it was begun"
             )
 
     def has(self, name: str) -> bool:
