@@ -84,6 +84,9 @@ def test_a_run_of_several_places_is_evaluated_in_each(run: Path) -> None:
     }
     page = (run / "report.html").read_text()
     assert all(name in page for name in folders)
+    shutil.rmtree(run / "evaluation-rooms")
+    assert run_cli("report", run, "--episodes", "2") == 0
+    assert (run / "evaluation-rooms" / "summary.json").exists(), "a report that was killed goes on"
     train_on(run)
     assert run_cli("report", run) == 0
     assert outdated(run) == [], "all of them are made anew"

@@ -77,13 +77,15 @@ def _evaluate_anew(run: Path, episodes: int) -> None:
         place = Place.of(config.get("settings", {}))
     except FileError as error:
         raise CheckpointError(f"{run / CONFIG_FILE}: settings {error}; restore the file") from None
-    fresh, stale = not evaluation_folders(run), outdated(run)
+    found, stale = evaluation_folders(run), outdated(run)
+    several = place.first != place
     # Read where it is needed: the map may have been moved.
-    places = {one.name: one for one in place.load_all()} if fresh or stale else {}
-    if fresh:
-        for name, scenario in places.items():
-            folder = "evaluation" if len(places) == 1 else f"evaluation-{name}"
-            _evaluate(run, scenario, run / folder, {"episodes": episodes})
+    places = {one.name: one for one in place.load_all()} if several or stale or not found else {}
+    own = {run / ("evaluation" if len(places) == 1 else f"evaluation-{name}"): name for name in places}
+    if own.keys() >= set(found):  # nobody else's: none, or those of a report that was killed
+        for folder, name in own.items():
+            if folder not in found:
+                _evaluate(run, places[name], folder, {"episodes": episodes})
     for folder in stale:
         summary = read_summary(folder)
         trained = {"robot": robot_of_run(config), "simulator": "native"}
