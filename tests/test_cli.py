@@ -324,38 +324,6 @@ class TestTrain:
         assert run_cli(*more, "--expert", expert) == 0
 
 
-class TestDemo:
-    @pytest.mark.parametrize("name", ["demo", "demo-robots"])
-    def test_what_no_demo_has_left_is_not_deleted(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        monkeypatch.chdir(tmp_path)
-        mine = tmp_path / "runs" / name / "policy.safetensors"
-        mine.parent.mkdir(parents=True)
-        mine.write_text("a week's training")
-        assert run_cli("demo") == 2
-        assert f"runs/{name} holds what no demo" in capsys.readouterr().err
-        assert mine.read_text() == "a week's training"
-
-    def test_what_a_demo_has_left_is_made_anew(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        """Also what one left that was killed."""
-        monkeypatch.chdir(tmp_path)
-        monkeypatch.setattr("adrl.commands.demo.extras.installed", lambda name: False)
-
-        def killed(*_: object) -> None:
-            raise KeyboardInterrupt
-
-        with monkeypatch.context() as patch:
-            patch.setattr("adrl.commands.demo.evaluate.main", killed)
-            run_cli("demo")
-        left = tmp_path / "runs" / "demo-robots" / "half.txt"
-        left.touch()
-        assert run_cli("demo") == 0
-        assert not left.exists()
-        assert (left.parent / "report.html").exists()
-        assert not (tmp_path / "runs" / "demo").exists()
-
-
 class TestEvaluate:
     def evaluate(self, policy: object, folder: Path, *options: object) -> dict[str, Any]:
         file = folder / "summary-copy.json"

@@ -8,20 +8,39 @@ from pathlib import Path
 from types import ModuleType
 
 from adrl import api, extras
+from adrl.agents import checkpoint
+from adrl.agents.metrics import METRICS_FILE, TENSORBOARD_FOLDER
 from adrl.commands import evaluate, train
 from adrl.commands.options import parse
 from adrl.commands.progress import console
-from adrl.errors import ConfigError
+from adrl.deploy.policy import CONFIG_FILE, WEIGHTS_FILE
+from adrl.errors import ConfigError, brief
 from adrl.evaluation.metrics import RATES, Episodes
-from adrl.evaluation.results import comparison_table
-from adrl.outputs import require_folder
+from adrl.evaluation.results import EPISODES_FILE, ROBOTS_FILE, SUMMARY_FILE, TRACES_FILE, comparison_table
+from adrl.outputs import LOCK_FILE, require_folder
 from adrl.report.figures import RoutePanel, learning_curve, routes
 from adrl.report.html import write_report
 from adrl.report.source import read_source
+from adrl.runs.train import VERSIONS_FILE
 
 RUN, DRAWN = Path("runs/demo"), Path("runs/demo-robots")
 MARK = ".demo"
-"""File that says that the demo may delete the folder."""
+"""File that says that a demo made the folder."""
+LEFT = {
+    *(
+        MARK,
+        LOCK_FILE,
+        VERSIONS_FILE,
+        METRICS_FILE,
+        TENSORBOARD_FOLDER,
+        checkpoint.FOLDER,
+        WEIGHTS_FILE,
+        CONFIG_FILE,
+    ),
+    *(SUMMARY_FILE, EPISODES_FILE, ROBOTS_FILE, TRACES_FILE, "robots.png"),
+    *("evaluation", "astar-dwa", "routes.png", "learning_curve.png", "report.html"),
+}
+"""What a demo leaves in its folders, and the next one deletes."""
 ROUTES = 6
 EVALUATE_EVERY = 32_000
 """Environment steps between validations: enough points for a curve, little of the minute spent on it."""
@@ -51,7 +70,7 @@ def main(arguments: Sequence[str]) -> int:
     for folder in (RUN, DRAWN):
         _require_own(folder)
     for folder in (RUN, DRAWN):
-        shutil.rmtree(folder, ignore_errors=True)
+        _delete(folder)
     _claim(DRAWN)
     _run(evaluate, "--robot", "any", "--robots", 20, "--episodes", 5, "--out", DRAWN)
     if extras.installed("train"):
@@ -62,12 +81,28 @@ def main(arguments: Sequence[str]) -> int:
 
 
 def _require_own(folder: Path) -> None:
-    """What a demo of before has left is deleted; anything else is not. Raises ConfigError."""
+    """What a demo of before has left, one that was killed too, is deleted; anything else is not. Raises ConfigError."""
     require_folder("folder", folder)
-    if folder.exists() and any(folder.iterdir()) and not (folder / MARK).exists():
+    if folder.is_symlink():
+        raise ConfigError(f"{folder} is a link, and the demo would delete it; move it, or delete it")
+    held = {entry.name for entry in folder.iterdir()} if folder.exists() else set()
+    half_written = {name for name in held if name.startswith(".") and name.endswith(".tmp")}
+    others = held - LEFT - half_written if MARK in held else held
+    if others:
         raise ConfigError(
-            f"{folder} holds what no demo of this version has left, and the demo would delete it; move it, or delete it"
+            f"{folder} holds what no demo of this version has left ({brief(', '.join(sorted(others)))}), and the demo "
+            "would delete it; move it, or delete it"
         )
+
+
+def _delete(folder: Path) -> None:
+    """The mark last: a demo that is killed meanwhile leaves what the next one knows."""
+    for entry in folder.iterdir() if folder.exists() else ():
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry)
+        elif entry.name != MARK:
+            entry.unlink()
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def _claim(folder: Path) -> None:
