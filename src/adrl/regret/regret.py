@@ -26,7 +26,7 @@ from adrl.worlds.tasks import time_limit_s
 
 LOG = logging.getLogger("adrl.regret")
 METHODS = (
-    *("adrl", "adrl-state", "adrl-clock", "td3", "rl-bc", "td3bc", "q-filter"),
+    *("adrl", "adrl-state", "adrl-arrivals", "adrl-clock", "td3", "rl-bc", "td3bc", "q-filter"),
     *("rlpd", "rlpd-cloned", "adaptive-bc", "spread", "ibrl", "jsrl"),
 )
 """What is compared when nothing else is said; the others are paired with the first."""
