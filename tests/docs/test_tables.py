@@ -73,6 +73,23 @@ def test_runs_without_a_method_are_told_by_their_map(tables: ModuleType) -> None
     assert [row.split(" | ")[0] for row in rows] == ["| depot", "| tb3", "| willow"]
 
 
+def test_sentences_have_the_numbers_of_the_files_that_they_are_about(tables: ModuleType) -> None:
+    barn = json.loads((tables.RESULTS / "barn" / "00.json").read_text())
+    said = f"has {100 * barn['success']:.1f} % and {barn['score']:.3f} at 2 m/s"
+    assert said in (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    worlds = {row["world"]: row for row in barn["per_world"] if row["success"] < 1.0}
+    assert {number: (row["collision"], row["timeout"]) for number, row in worlds.items()} == {
+        276: (0.1, 0.0),
+        286: (0.0, 0.1),
+    }
+    jackals = json.loads((tables.RESULTS / "faults-jackal.json").read_text())["faults"]
+    ends = {(row["fault"], drive): end for row in jackals for drive, end in row["ends"].items()}
+    assert len(ends) == 50
+    assert [key for key, end in ends.items() if end == "hit_standing"] == [
+        ("scan late by 2, unsaid, for 2 s", "jackal rooms 10")
+    ]
+
+
 def test_an_unknown_form_and_an_absent_file_are_told(tables: ModuleType) -> None:
     with pytest.raises(KeyError, match="guess"):
         tables.rewritten(BLOCK.replace("table: compare", "table: guess"))
