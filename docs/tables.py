@@ -21,13 +21,15 @@ from typing import Any
 
 from adrl import files
 from adrl.baselines.planners import PLANNERS
+from adrl.benchmarks.fault_drives import OUTCOMES
+from adrl.benchmarks.faults import FAULTS
 from adrl.comparison.config import DRIVING
 from adrl.comparison.results import Row, markdown
 from adrl.deploy.policies import find_policy
 from adrl.deploy.policy import load_policy, resolve_policy
 from adrl.errors import ConfigError
 from adrl.evaluation.metrics import COMMON
-from adrl.evaluation.statistics import bootstrap_mean, entry
+from adrl.evaluation.statistics import bootstrap_mean, entry, wilson_interval
 from adrl.report.markdown import cell, plain, table
 from adrl.reproduction.reported import label
 from adrl.runs.card import card
@@ -145,6 +147,88 @@ def people_rows(folder: Path) -> list[str]:
     return table(headings, rows)
 
 
+def barn_rows(folder: Path) -> list[str]:
+    """What drives in the BARN benchmark's worlds, a row for each file of docs/measure.py: intervals over worlds."""
+    headings = ("what drives", "guidance", "v_max, m/s", "runs", "success, %", "hit, %", "score")
+    rows = [
+        [
+            *(f"`{row['policy']}`", f"`{row['guidance']}`", f"{row['v_max_mps']:g}", str(row["episodes"])),
+            *(cell(row, name, 1, 100.0) for name in ("success", "collision")),
+            cell(row, "score", 3),
+        ]
+        for row in _of_today(folder)
+    ]
+    return table(headings, rows)
+
+
+def robots(folder: Path) -> list[str]:
+    """The robots' files of a folder, as they are."""
+    lines = []
+    for path in sorted(folder.glob("*.toml")):
+        lines += [f'```toml title="{path.name}"', *path.read_text(encoding="utf-8").splitlines(), "```", ""]
+    return lines
+
+
+def fault_counts(path: Path) -> list[str]:
+    """What the drives of adrl bench faults come to over all faults, with Wilson's intervals, and by robot and place."""
+    drives = [
+        (FAULTS[row["fault"]], *drive.split()[:2], outcome)
+        for row in _faults_of_today(path)
+        for drive, outcome in row["ends"].items()
+    ]
+    told = [outcome for fault, *_, outcome in drives if fault.told]
+    untold = [outcome for fault, *_, outcome in drives if not fault.told]
+    enough = [outcome for fault, *_, outcome in drives if fault.drivable]
+    lines = [
+        f"- **Hits at things that stand, under faults that something tells of: {_of(told, 'hit_standing')}.**",
+        f"- The same under the two faults that nothing tells of: {_of(untold, 'hit_standing')}.",
+        f"- **Out of time, under faults that leave enough to drive by: {_of(enough, 'timeout')}.**",
+        "",
+    ]
+    rows = []
+    for place in dict.fromkeys(tuple(where) for _, *where, _ in drives):
+        here = [(fault, outcome) for fault, *where, outcome in drives if tuple(where) == place]
+        hits = sum(outcome == "hit_standing" for fault, outcome in here if fault.told)
+        moving = sum(outcome == "hit_moving" for _, outcome in here)
+        enough = [outcome for fault, outcome in here if fault.drivable]
+        late = f"{enough.count('timeout')} of {len(enough)}"
+        rows.append([f"`{place[0]}`", f"`{place[1]}`", str(len(here)), str(hits), str(moving), late])
+    headings = (
+        *("robot", "scenario", "drives", "hits at what stands, faults that are told", "hits with what moves"),
+        "out of time, faults that leave enough",
+    )
+    return [*lines, *table(headings, rows)]
+
+
+def _of(outcomes: Sequence[str], outcome: str) -> str:
+    """How many drives ended so, and their share."""
+    count = outcomes.count(outcome)
+    share = entry("share", wilson_interval(count, len(outcomes)))
+    return f"{count} of {len(outcomes)} drives, {cell(share, 'share', 1, 100.0)} %"
+
+
+def fault_rows(path: Path) -> list[str]:
+    """How the drives of adrl bench faults ended, a row a fault, and what the robots said."""
+    rows = [
+        [
+            row["fault"],
+            " / ".join(str(list(row["ends"].values()).count(outcome)) for outcome in OUTCOMES),
+            ", ".join(f"`{reason}`" for reason in row["reasons"] if reason not in ORDINARY),
+        ]
+        for row in _faults_of_today(path)
+    ]
+    return table(("fault", "arrived / hit what stands / hit what moves / out of time", "reasons given"), rows)
+
+
+def _faults_of_today(path: Path) -> list[Row]:
+    """What docs/measure.py measured. Raises ConfigError for drives of other policies, or of before."""
+    content = _json(path)
+    policies = {name: find_policy(name).fingerprint for name in content["policies"]}
+    if (content["policies"], content["driving"]) != (policies, DRIVING):
+        raise ConfigError(f"{content['command']}: is of before; run python docs/measure.py faults")
+    return content["faults"]
+
+
 def _of_today(folder: Path) -> list[Row]:
     """What docs/measure.py measured. Raises FileNotFoundError where there is nothing, and ConfigError for drives of
     other weights, or of before."""
@@ -172,13 +256,20 @@ def _json(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
+ORDINARY = frozenset(("limited", "unseen", "obstacle", "recovering"))
+"""Reasons that are given in any drive."""
+
 FORMS: dict[str, Callable[[Path], list[str]]] = {
+    "barn": barn_rows,
     "compare": compare_rows,
     "compare-all": compare_all,
+    "fault-counts": fault_counts,
+    "faults": fault_rows,
     "people": people_rows,
     "planners": planner_rows,
     "policy": policy_card,
     "regret": regret_rows,
+    "robots": robots,
     "runs": runs,
 }
 """How a file, or a folder of them, becomes a table."""

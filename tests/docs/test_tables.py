@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from adrl.comparison.config import DRIVING
+from adrl.deploy.policies import find_policy
 from adrl.errors import ConfigError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -70,6 +71,23 @@ def test_runs_without_a_method_are_told_by_their_map(tables: ModuleType) -> None
     assert headings.startswith("| map | guidance | seeds | success, % |")
     assert "S at the end" not in headings
     assert [row.split(" | ")[0] for row in rows] == ["| depot", "| tb3", "| willow"]
+
+
+def test_sentences_have_the_numbers_of_the_files_that_they_are_about(tables: ModuleType) -> None:
+    barn = json.loads((tables.RESULTS / "barn" / "00.json").read_text())
+    said = f"has {100 * barn['success']:.1f} % and {barn['score']:.3f} at 2 m/s"
+    assert said in (ROOT / "docs" / "index.md").read_text(encoding="utf-8")
+    worlds = {row["world"]: row for row in barn["per_world"] if row["success"] < 1.0}
+    assert {number: (row["collision"], row["timeout"]) for number, row in worlds.items()} == {
+        276: (0.1, 0.0),
+        286: (0.0, 0.1),
+    }
+    jackals = json.loads((tables.RESULTS / "faults-jackal.json").read_text())["faults"]
+    ends = {(row["fault"], drive): end for row in jackals for drive, end in row["ends"].items()}
+    assert len(ends) == 50
+    assert [key for key, end in ends.items() if end == "hit_standing"] == [
+        ("scan late by 2, unsaid, for 2 s", "jackal rooms 10")
+    ]
 
 
 def test_an_unknown_form_and_an_absent_file_are_told(tables: ModuleType) -> None:
@@ -149,3 +167,71 @@ def test_drives_of_before_are_in_no_table(tables: ModuleType, tmp_path: Path, ch
     (tmp_path / "00.json").write_text(json.dumps(summary(**change)))
     with pytest.raises(ConfigError, match=r"adrl evaluate: is of before; run python docs/measure.py"):
         tables.people_rows(tmp_path)
+
+
+def test_a_row_of_the_benchmark_has_its_score(tables: ModuleType, tmp_path: Path) -> None:
+    score = {"score": 0.25, "score_low": 0.2, "score_high": 0.3125}
+    (tmp_path / "00.json").write_text(json.dumps(summary(v_max_mps=2.0) | score))
+    headings, _, row, _ = (line.strip("| ").split(" | ") for line in tables.barn_rows(tmp_path))
+    assert dict(zip(headings, row, strict=True)) == {
+        "what drives": "`astar-mppi`",
+        "guidance": "`map`",
+        "v_max, m/s": "2",
+        "runs": "200",
+        "success, %": "50.0 [45.0, 60.0]",
+        "hit, %": "30.0 [25.0, 40.0]",
+        "score": "0.250 [0.200, 0.312]",
+    }
+
+
+def test_robots_are_shown_as_their_files_have_them(tables: ModuleType, tmp_path: Path) -> None:
+    (tmp_path / "fast.toml").write_text("max_speed_mps = 2.0\n")
+    assert tables.robots(tmp_path) == ['```toml title="fast.toml"', "max_speed_mps = 2.0", "```", ""]
+
+
+def faults(**others: Any) -> dict[str, Any]:
+    ends = ("arrived", "hit_standing", "hit_moving", "timeout")
+    drives = {f"jackal rooms {task}": end for task, end in enumerate(ends)}
+    return {
+        "command": "adrl bench faults",
+        "driving": DRIVING,
+        "policies": {"jackal": find_policy("jackal").fingerprint},
+        "faults": [
+            {"fault": "none", "ends": drives, "reasons": {"limited": 4, "base_late": 1}},
+            {"fault": "glass", "ends": drives, "reasons": {}},  # nothing tells of it
+            {
+                "fault": "beams NaN, 80 %",  # leaves not enough to drive by
+                "ends": {"diffbot rooms 0": "timeout"},
+                "reasons": {"scan_sparse": 1, "no_scan": 1},
+            },
+        ],
+    } | others
+
+
+def test_drives_with_faults_are_counted_by_what_the_fault_leaves(tables: ModuleType, tmp_path: Path) -> None:
+    path = tmp_path / "faults.json"
+    path.write_text(json.dumps(faults()))
+    told, untold, late, _, _, _, *rows, _ = tables.fault_counts(path)
+    assert "1 of 5 drives, 20.0 [3.6, 62.4] %" in told
+    assert "1 of 4 drives, 25.0 [4.6, 69.9] %" in untold
+    assert "2 of 8 drives, 25.0 [7.1, 59.1] %" in late
+    assert rows == [
+        "| `jackal` | `rooms` | 8 | 1 | 2 | 2 of 8 |",
+        "| `diffbot` | `rooms` | 1 | 0 | 0 | 0 of 0 |",
+    ]
+    assert tables.fault_rows(path)[2:] == [
+        "| none | 1 / 1 / 1 / 1 | `base_late` |",
+        "| glass | 1 / 1 / 1 / 1 |  |",
+        "| beams NaN, 80 % | 0 / 0 / 0 / 1 | `scan_sparse`, `no_scan` |",
+        "",
+    ]
+
+
+@pytest.mark.parametrize("change", [{"driving": DRIVING - 1}, {"policies": {"jackal": "other"}}])
+def test_drives_with_faults_of_before_are_in_no_table(
+    tables: ModuleType, tmp_path: Path, change: dict[str, Any]
+) -> None:
+    path = tmp_path / "faults.json"
+    path.write_text(json.dumps(faults(**change)))
+    with pytest.raises(ConfigError, match=r"is of before; run python docs/measure.py faults"):
+        tables.fault_rows(path)
