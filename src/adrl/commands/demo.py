@@ -38,7 +38,7 @@ LEFT = {
         CONFIG_FILE,
     ),
     *(SUMMARY_FILE, EPISODES_FILE, ROBOTS_FILE, TRACES_FILE, "robots.png"),
-    *("evaluation", "astar-dwa", "routes.png", "learning_curve.png", "report.html"),
+    *("evaluation", "astar-dwa", "routes.png", "learning_curve.png", "report.html", "figures"),
 }
 """What a demo leaves in its folders, and the next one deletes."""
 ROUTES = 6
@@ -102,7 +102,8 @@ def _delete(folder: Path) -> None:
             shutil.rmtree(entry)
         elif entry.name != MARK:
             entry.unlink()
-    shutil.rmtree(folder, ignore_errors=True)
+    if folder.exists():
+        shutil.rmtree(folder)
 
 
 def _claim(folder: Path) -> None:

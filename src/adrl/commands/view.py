@@ -122,7 +122,8 @@ def _show(options: ViewOptions) -> Show:
     run = () if options.run is None else (str(options.run),)
     policies = (*run, *options.policy) or (DEFAULT,)
     if not 1 <= len(policies) <= 2:
-        raise ConfigError(f"{len(policies)} policies; give one, or two to drive side by side")
+        told = f"{len(policies)} policies{', the run among them' if run else ''}"
+        raise ConfigError(f"{told}; give one, or two to drive side by side")
     place = options
     if options.run is not None and not _names_a_place(options):
         people = {name: value for name, value in given(options).items() if name in OF_PEOPLE}
