@@ -1,6 +1,7 @@
 """adrl demo deletes what demos left, and nothing else."""
 
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 
@@ -23,7 +24,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def killed(*_: object) -> None:
     """The demo's first command, half-way."""
     (demo.DRAWN / "robots.parquet").write_text("half of it")
-    (demo.DRAWN / ".summary.json.0123.tmp").write_text("half of it")
+    (demo.DRAWN / f".summary.json.{uuid4().hex}.tmp").write_text("half of it")
     raise Killed
 
 
@@ -56,6 +57,24 @@ def test_a_demo_that_was_killed_is_followed_by_another(monkeypatch: pytest.Monke
     (demo.RUN / "checkpoint").mkdir()
     with pytest.raises(Killed):
         demo.main([])
+    assert not demo.RUN.exists()
+
+
+def test_the_mark_is_deleted_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """So that a demo that is killed while it deletes leaves what the next one knows."""
+    demo._claim(demo.RUN)
+    others = demo.LEFT - {demo.MARK}
+    for name in others:
+        (demo.RUN / name).touch()
+    delete, marked = Path.unlink, []
+
+    def deleting(path: Path) -> None:
+        delete(path)
+        marked.append((demo.RUN / demo.MARK).exists())
+
+    monkeypatch.setattr(Path, "unlink", deleting)
+    demo._delete(demo.RUN)
+    assert marked == [True] * len(others)
     assert not demo.RUN.exists()
 
 

@@ -1,5 +1,6 @@
 """The report in a real browser: opened, sorted, played, narrowed to a telephone, and held to asking for nothing."""
 
+import json
 import re
 import shutil
 from collections.abc import Iterator
@@ -220,6 +221,39 @@ def test_a_replay_plays_stops_and_is_scrubbed(page: Page) -> None:
     page.mouse.click(box["x"] + 35, box["y"] + 40)
     assert float(scrub.input_value()) < 0.1 * float(end or 0)
     assert picture(canvas) != last
+
+
+def test_a_replay_shows_the_path_that_holds_at_its_time(
+    browser: Browser, folder: Path, tmp_path: Path
+) -> None:
+    """A car that stood is given others on its way. Pictures of the start and of the end."""
+    head, begin, rest = (folder / "report.html").read_text(encoding="utf-8").partition('id="data">')
+    text, close, tail = rest.partition("</script>")
+
+    def shown(*later: tuple[float, float]) -> tuple[bytes, bytes]:
+        """later: from which share of the time on there is a path round a corner, and how far off that is."""
+        data = json.loads(text)
+        replay = data["evaluations"][0]["replays"][0]
+        (x, y), end_s = replay["path"][:2], replay["time_s"][-1]
+        replay["later_paths"] = [
+            [share * end_s, [x, y, x + off, y + off, *replay["goal"]]] for share, off in later
+        ]
+        path = tmp_path / "report.html"
+        path.write_text(f"{head}{begin}{json.dumps(data)}{close}{tail}", encoding="utf-8")
+        page = opened(browser, path).page
+        page.locator("#episode").select_option(index=0)
+        canvas, scrub = page.locator("#replay canvas.world"), page.locator("#scrub")
+        start = picture(canvas)
+        scrub.fill(str(scrub.get_attribute("max")))
+        pictures = start, picture(canvas)
+        page.close()
+        return pictures
+
+    own, first, second = shown(), shown((0.0, 0.4)), shown((0.0, 0.8))
+    assert len({own[0], first[0], second[0]}) == len({own[1], first[1], second[1]}) == 3
+    assert shown((0.5, 0.4)) == (own[0], first[1])
+    assert shown((0.0, 0.4), (0.5, 0.8)) == (first[0], second[1])
+    assert shown((2.0, 0.4)) == own
 
 
 def test_another_episode_is_another_picture(page: Page) -> None:

@@ -1,5 +1,6 @@
 """adrl demo: the main job in one go, as commands that anyone may type."""
 
+import re
 import shlex
 import shutil
 from collections.abc import Mapping, Sequence
@@ -26,21 +27,15 @@ from adrl.runs.train import VERSIONS_FILE
 RUN, DRAWN = Path("runs/demo"), Path("runs/demo-robots")
 MARK = ".demo"
 """File that says that a demo made the folder."""
-LEFT = {
-    *(
-        MARK,
-        LOCK_FILE,
-        VERSIONS_FILE,
-        METRICS_FILE,
-        TENSORBOARD_FOLDER,
-        checkpoint.FOLDER,
-        WEIGHTS_FILE,
-        CONFIG_FILE,
-    ),
-    *(SUMMARY_FILE, EPISODES_FILE, ROBOTS_FILE, TRACES_FILE, "robots.png"),
-    *("evaluation", "astar-dwa", "routes.png", "learning_curve.png", "report.html", "figures"),
-}
+OF_TRAINING = (
+    *(LOCK_FILE, VERSIONS_FILE, METRICS_FILE, TENSORBOARD_FOLDER, checkpoint.FOLDER),
+    *(WEIGHTS_FILE, CONFIG_FILE, "evaluation", "astar-dwa", "routes.png", "learning_curve.png"),
+)
+OF_EVALUATION = (SUMMARY_FILE, EPISODES_FILE, ROBOTS_FILE, TRACES_FILE, "robots.png")
+LEFT = {MARK, *OF_TRAINING, *OF_EVALUATION, "report.html", "figures"}
 """What a demo leaves in its folders, and the next one deletes."""
+HALF_WRITTEN = re.compile(r"\..+\.[0-9a-f]{32}\.tmp")
+"""Names of files that were being written, see adrl.files."""
 ROUTES = 6
 EVALUATE_EVERY = 32_000
 """Environment steps between validations: enough points for a curve, little of the minute spent on it."""
@@ -86,7 +81,7 @@ def _require_own(folder: Path) -> None:
     if folder.is_symlink():
         raise ConfigError(f"{folder} is a link, and the demo would delete it; move it, or delete it")
     held = {entry.name for entry in folder.iterdir()} if folder.exists() else set()
-    half_written = {name for name in held if name.startswith(".") and name.endswith(".tmp")}
+    half_written = {name for name in held if HALF_WRITTEN.fullmatch(name)}
     others = held - LEFT - half_written if MARK in held else held
     if others:
         raise ConfigError(

@@ -29,9 +29,9 @@ from adrl.view.show import Show
 from adrl.worlds import SCENARIOS, load_robot
 from adrl.worlds.place import Place
 
-OF_ALL = ("robot", "port", "token")
+OF_ALL = {"robot", "port", "token"}
 """Options that do something whatever is shown."""
-OF_PEOPLE = ("people", "people_share", "legs")
+OF_PEOPLE = {"people", "people_share", "legs"}
 OF_BAGS = {"scan_topic", "odometry_topic", "command_topic"}
 
 

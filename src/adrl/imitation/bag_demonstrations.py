@@ -124,9 +124,8 @@ def _drives(recording: Recording, robot: RobotConfig, tolerance_m: float) -> lis
         else:
             continue
         places = recording.pose[first : last + 1, :2] - goal
-        nearest = nearest_on_segments(
-            places[:-1], places[1:], np.zeros(2)
-        )  # its disc may be crossed in a step
+        # The goal's disc may be crossed in a step.
+        nearest = nearest_on_segments(places[:-1], places[1:], np.zeros(2))
         near = np.flatnonzero(np.hypot(*nearest.T) < tolerance_m)
         if len(near) > 0:
             last = first + int(near[0]) + 1
